@@ -34,8 +34,13 @@ class Orbit:
 
     @property
     def stable(self) -> bool:
-        """Whether disturbances of it die."""
+        """Whether disturbances of it are known to die."""
         return bool(self.solution.stable)
+
+    @property
+    def undecided(self) -> bool:
+        """Whether it is not known if they do."""
+        return bool(self.solution.undecided)
 
 
 @dataclass(frozen=True)

@@ -139,9 +139,10 @@ def _least(objective: Float[np.ndarray, "starts runs"], lowest: float) -> float:
 
 def _motion(said: Mapping[str, object]) -> str:
     """Say why a point has no stable orbit and, where it was waited for, what the motion is."""
+    verdict = "is not known to be stable" if said["undecided"] else "is unstable"
     why = said["failure"] or (
-        "The orbit of one turn is not stable, as far as its nodes tell: its largest multiplier is "
-        f"{said['largest_multiplier']:.6g}."
+        f"The orbit of one turn {verdict}: its largest multiplier is "
+        f"{said['largest_multiplier']:.6g}, with an error of {said['multipliers_error']:.1g}."
     )
     if not said.get("motion"):
         return str(why)

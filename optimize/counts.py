@@ -45,18 +45,26 @@ def of_runs(case: Case, found: Found, capacity: Float[np.ndarray, " designs"]) -
 
 
 def of_orbits(case: Case, found: Found, capacity: Float[np.ndarray, " designs"]) -> np.ndarray:
-    """Whether each orbit is stable, has a number of the objective, and keeps the constraints."""
-    good = _logical(found["stable"]) & np.isfinite(found["objective"])
+    """Whether each orbit may be stable, has a number of the objective, and keeps constraints."""
+    good = may_be_stable(found) & np.isfinite(found["objective"])
     return good & case.reaches(capacity) & keeps(case, found, OF_ORBIT)
 
 
 def solved(case: Case, found: Found) -> np.ndarray:
-    """Whether each orbit is stable, and inside the contact model if asked.
+    """Whether each orbit may be stable, and is inside the contact model if asked.
 
     Descents need that much: what else is a constraint has a slope, which they follow.
     """
     inside = _logical(found["inside_model"]) if case.inside_model else True
-    return _logical(found["stable"]) & inside
+    return may_be_stable(found) & inside
+
+
+def may_be_stable(found: Found) -> np.ndarray:
+    """Whether each orbit is not known to be unstable.
+
+    The one that is chosen in the end is looked at by further ways, and confirmed by runs.
+    """
+    return _logical(found["stable"]) | _logical(found["undecided"])
 
 
 def losses(case: Case, found: Found, capacity: Float[np.ndarray, " designs"], designs: str) -> str:

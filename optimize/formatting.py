@@ -35,13 +35,15 @@ def orbit(design: Confirmed) -> str:
     if found is None or not found.found:
         return "none" if found is None else "none found"
     text = f"{found.objective:.2f}" if abs(found.objective) >= 100 else f"{found.objective:.6g}"
+    if found.undecided:
+        return f"{text}, not known to be stable"
     return text if found.stable else f"{text}, unstable"
 
 
 def turns(design: Confirmed) -> str:
     """Return the turns in which a disturbance of the orbit falls to 1/e."""
     found = design.orbit
-    if found is None or not found.found:
+    if found is None or not found.found or found.undecided:
         return "unknown"
     return f"{float(found.solution.settling_turns):.0f}" if found.stable else "never"
 

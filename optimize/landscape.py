@@ -12,7 +12,7 @@ from jaxcrusher.files import table
 from jaxcrusher.files.table import Column
 from jaxcrusher.scenes.parameters import NUMBERS
 from optimize.case import Case
-from optimize.counts import end_well
+from optimize.counts import end_well, may_be_stable
 from optimize.design import Design
 from optimize.evaluate import STARTS, Rows, judged
 
@@ -32,8 +32,8 @@ class Maps:
 
     @property
     def stable_orbits(self) -> int | None:
-        """How many points have a stable orbit, None where none is solved for."""
-        return None if self.orbits is None else int(self.orbits.stable.sum())
+        """How many points have an orbit that may be stable, None where none is solved for."""
+        return None if self.orbits is None else int(may_be_stable(self.orbits).sum())
 
     @property
     def counting_orbits(self) -> xr.Dataset | None:

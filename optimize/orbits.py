@@ -23,6 +23,7 @@ from optimize.landscape import GRID_DIMENSIONS, labelled
 
 # What a map and result.json keep of an orbit besides its statistics.
 KEPT = ("error", "largest_multiplier", "settling_turns", "least_penetration")
+VERDICTS = ("success", "stable", "undecided", "inside_model")
 # Designs solved between two reports of progress. Descents run the same program.
 CHUNK = 32
 # Slopes are compared with differences over twice this share of the box: shorter ones lose more to
@@ -107,14 +108,11 @@ def solve_map(
         rows, motions = solve(case, units, near, tracking=tracking), MOTION
     of = case.objective
     columns = columns_of(case.scene.statistics, case.told)
-    columns |= {
-        name: COLUMNS[name]
-        for name in (*KEPT, "success", "stable", "inside_model", "failure", "found", *motions)
-    }
+    columns |= {name: COLUMNS[name] for name in (*KEPT, *VERDICTS, "failure", "found", *motions)}
     columns["objective"] = Column(of.unit, of.meaning)
     meaning = f"slope of the {of.meaning}, per unit of the parameter"
     columns["slope"] = Column(of.unit, meaning, dims=("parameter",))
-    meaning = "may be chosen: a stable motion inside the constraints"
+    meaning = "may be chosen: a motion inside the constraints that is not known to be unstable"
     columns["counts"] = Column("1", meaning, bool)
     return labelled(case.design, units, cells, rows, columns)
 

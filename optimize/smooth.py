@@ -14,7 +14,7 @@ from optimize.orbits import solve, widths
 
 
 def objective(case: Case) -> Smooth:
-    """Return the objective of the orbit; NaN where none is stable, or inside the model if asked."""
+    """Return the objective of the orbit; NaN of one that `counts.solved` leaves out."""
 
     def function(unit: np.ndarray) -> tuple[float, np.ndarray]:
         rows = solve(case, unit[None])

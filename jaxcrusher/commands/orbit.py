@@ -159,10 +159,14 @@ def summary(orbit: PeriodicOrbit) -> list[str]:
     if orbit.eccentricity is None:
         return [*lines, "ideal joints: nothing oscillates"]
     moduli = ", ".join(f"{abs(value):.6f}" for value in np.asarray(orbit.multipliers))
-    settles = f"settles in {float(orbit.settling_turns):.4g} turns"
+    settles = "unstable"
+    if bool(orbit.undecided):
+        settles = "it is not known whether the motion is stable"
+    elif bool(orbit.stable):
+        settles = f"settles in {float(orbit.settling_turns):.4g} turns"
     return [
         *lines,
-        f"multipliers {moduli} a period: {settles if bool(orbit.stable) else 'unstable'}",
+        f"multipliers {moduli} a period: {settles}",
         *([orbit.instability] if orbit.instability else []),
         f"least penetration {float(orbit.least_penetration):.4g} clearances",
         orbit.validity.verdict(),
@@ -247,6 +251,7 @@ def content(orbit: PeriodicOrbit, slopes: dict[str, dict[str, float]]) -> dict[s
         **{name: float(getattr(orbit, name)) for name in names},
         "multipliers": [[float(value.real), float(value.imag)] for value in values],
         "stable": bool(orbit.stable),
+        "undecided": bool(orbit.undecided),
         "settling_turns": float(orbit.settling_turns),
         **{f"slopes_of_{metric}": of for metric, of in slopes.items()},
     }

@@ -41,6 +41,7 @@ SEEN = (
     "settling_turns",
     "success",
     "stable",
+    "undecided",
 )
 # Designs solved between two looks at what their neighbours are.
 CHUNK = 16
@@ -97,7 +98,7 @@ def solve_orbits(
     - `sections`: guesses of section points, from which is shot what nodes do not solve; None where
       nothing is known. What is waited for has its own.
     - `quick`: only from the pin at rest, with the first of `levels`. What these leave in doubt is
-      not called stable.
+      undecided.
     - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
     - `journal`: of finished chunks.
     - `progress`: called with the number of finished and of all cases; while motions are waited for,
@@ -178,10 +179,8 @@ class _Solutions:
         return np.flatnonzero(~good)
 
     def doubted(self) -> np.ndarray:
-        """Return the cases whose orbit is neither stable nor unstable by the error of its nodes."""
-        apart = np.abs(self.rows["largest_multiplier"] - 1)
-        close = apart <= self.rows["multipliers_error"]
-        return np.flatnonzero(np.logical_and(self.rows["success"], close))
+        """Return the cases whose orbit is not known to be stable or unstable."""
+        return np.flatnonzero(np.asarray(self.rows["undecided"], bool))
 
     def begun(self, cases: np.ndarray) -> np.ndarray:
         """Return the cases of which an orbit or a guess is known: more nodes help no others."""

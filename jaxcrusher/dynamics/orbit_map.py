@@ -68,11 +68,11 @@ def orbit_map(
     `error` of the RMS (a share of it), `least_penetration` (clearances), `largest_multiplier`,
     `multipliers_error`, `settling_turns`, `slope` (with a dimension `parameter`, in the unit of
     `metric` per unit of the parameter), and `multiplier_real`, `multiplier_imag` (with a dimension
-    `multiplier`, in no order). `success` and `stable` are logical, `found` is in words. Where
-    there is no success every number is NaN, and `failure` says why. Where no orbit is stable,
-    `motion` says what the motion from rest is: "quasi-periodic", "period 2" and so on, "chaotic",
-    "whirl", "not settled", "undecided" or "failed"; `run_rms` is its RMS over the last half of the
-    turns that were waited for, and `run_rms_error` the standard error of that.
+    `multiplier`, in no order). `success`, `stable` and `undecided` are logical, `found` is in
+    words. Where there is no success every number is NaN, and `failure` says why. Where no orbit is
+    stable, `motion` says what the motion from rest is: "quasi-periodic", "period 2" and so on,
+    "chaotic", "whirl", "not settled", "undecided" or "failed"; `run_rms` is its RMS over the last
+    half of the turns that were waited for, and `run_rms_error` the standard error of that.
 
     Raises ValueError for bad arguments, and in one line for scenes that have no such orbit.
     """

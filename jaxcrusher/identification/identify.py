@@ -450,7 +450,7 @@ def _remarks(
         f"{missing} of {len(starts)} starts had no periodic orbit.": missing,
         f"{len(other)} of {len(starts)} starts ended at other numbers, the best of them with a "
         f"chi-square of {least:.4g}.": len(other),
-        f"There is no stable orbit at {', '.join(unstable)} rad/s.": unstable,
+        f"No orbit is known to be stable at {', '.join(unstable)} rad/s.": unstable,
         f"At its limit, with no standard deviation: {', '.join(limited)}.": limited,
     }
     return [remark for remark, holds in said.items() if holds]

@@ -45,7 +45,14 @@ BRANCH_NODES = 192
 # What a point holds: statistics, and further numbers of its orbit.
 HELD = ("foundation_rms", "foundation_mean", "foundation_peak")
 HELD_OF_LINKAGES = ("shaking_rms", "shaking_peak")
-FURTHER = ("error", "least_penetration", "largest_multiplier", "multipliers_error", "stable")
+FURTHER = (
+    "error",
+    "least_penetration",
+    "largest_multiplier",
+    "multipliers_error",
+    "stable",
+    "undecided",
+)
 
 
 @dataclass(frozen=True)
@@ -157,8 +164,9 @@ def orbit_branch(
     branch, where a parameter may occur more than once: `parameter`, `foundation_rms`,
     `foundation_mean`, `foundation_peak` (N), `error` (of the RMS, a share of it: where it is large
     the nodes do not resolve the motion, and its multipliers mean nothing), `least_penetration`
-    (clearances), `largest_multiplier`, `stable`, `unstable` (how many multipliers are outside of
-    the unit circle), `multiplier_real`, `multiplier_imag` (with a dimension `multiplier`).
+    (clearances), `largest_multiplier`, `multipliers_error`, `stable`, `undecided` (the largest
+    multiplier is 1 within its error), `unstable` (how many multipliers are outside of the unit
+    circle), `multiplier_real`, `multiplier_imag` (with a dimension `multiplier`).
     A branch may end in the doubling that it came from.
 
     Raises ValueError for arguments out of range, and where there is no motion to begin with.

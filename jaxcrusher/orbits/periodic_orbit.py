@@ -68,7 +68,7 @@ def periodic_orbit(
     **Returns:** a `PeriodicOrbit`, stable or not: look at `success` and `stable`. `found` says by
     which way it was found, and `failure` what the motion does if it has none. An orbit whose RMS is
     not known to 1e-3 is a failure. One whose largest multiplier is 1 within its estimated error is
-    not called stable.
+    not called stable, but `undecided`.
 
     Values are known outside of `jax.jit` and `jax.vmap`, and inside of `jax.grad` alone. A motion
     that begins on the orbit then comes back to its beginning within 1e-6 clearances and m/s. The

@@ -28,6 +28,7 @@ from jaxcrusher.motion.names import StatisticNames
 from jaxcrusher.motion.statistics import limits_of
 from jaxcrusher.orbits import forced
 from jaxcrusher.periodic import newton
+from jaxcrusher.periodic.multipliers import largest, undecided
 from jaxcrusher.periodic.trigonometric import evaluate
 
 
@@ -87,7 +88,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     error: Scalar  # estimated, of the RMS as a share of it
     least_penetration: Scalar  # least delta / c at any joint: contact is kept if > 0
     multipliers: Complex[Array, " n"]  # of a disturbance, in one period: 4 a loose joint
-    multipliers_error: Scalar  # estimated; NaN where nothing is known of it
+    multipliers_error: Scalar  # estimated, of their moduli; infinite where nothing is known of it
     validity: Validity
     way: WAYS
     # m/s, by joint: what tracked impact velocities come to, and are held at; None: not tracked
@@ -140,15 +141,23 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     @property
     def largest_multiplier(self) -> Float[Array, "*batch"]:
         """Return the largest modulus of the multipliers."""
-        return _largest(self.multipliers)
+        return largest(self.multipliers)
 
     @property
     def stable(self) -> Bool[Array, "*batch"]:
-        """Whether disturbances die.
+        """Whether disturbances are known to die.
 
-        An orbit whose largest multiplier is 1 within `multipliers_error` is not called stable.
+        Where it is False disturbances grow, unless the orbit is `undecided`.
         """
-        return self.success & _die(self.multipliers, self.multipliers_error)
+        return self.success & (self.largest_multiplier < 1) & ~self.undecided
+
+    @property
+    def undecided(self) -> Bool[Array, "*batch"]:
+        """Whether it is not known if disturbances die, of an orbit.
+
+        Its largest multiplier is 1 within `multipliers_error`.
+        """
+        return self.success & undecided(self.multipliers, self.multipliers_error)
 
     @property
     def settling_turns(self) -> Float[Array, "*batch"]:
@@ -158,7 +167,9 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
     @property
     def instability(self) -> str:
-        """Say how disturbances of an orbit grow; nothing if they die (concrete values only).
+        """Say how disturbances of an orbit grow, or that it is not known (concrete values only).
+
+        Nothing if they die.
 
         Also what the motion from the pins at rest does instead, if it was waited for.
         """
@@ -169,12 +180,12 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         return self._growth() + instead
 
     def _growth(self) -> str:
-        """Say how disturbances of an unstable orbit grow."""
+        """Say how disturbances of an orbit grow that is not known to be stable."""
         error = float(self.multipliers_error)
         if not error < 1:
             return "Its multipliers are not known. Disturbances of it may die or grow."
         largest = max(np.asarray(self.multipliers).tolist(), key=abs)
-        if abs(largest) <= 1:
+        if bool(self.undecided):
             return f"Its largest multiplier is 1 within the error of multipliers, {error:.1g}."
         if largest.imag:
             return (
@@ -220,19 +231,6 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 def require_one(orbit: PeriodicOrbit) -> None:
     """Check that it is one orbit, and no batch as `jax.vmap` returns it."""
     require(orbit.success.ndim == 0, "orbit", "be one orbit", f"a batch {orbit.success.shape}")
-
-
-# One program each: a first call would compile each of their operations by itself.
-@jax.jit
-def _largest(multipliers: Complex[Array, "*batch n"]) -> Float[Array, "*batch"]:
-    return jnp.max(jnp.abs(multipliers), axis=-1, initial=0.0)
-
-
-@jax.jit
-def _die(
-    multipliers: Complex[Array, "*batch n"], error: Float[Array, "*batch"]
-) -> Bool[Array, "*batch"]:
-    return _largest(multipliers) < 1 - jnp.where(jnp.isnan(error), 0.0, error)
 
 
 def built(

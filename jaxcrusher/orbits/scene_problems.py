@@ -18,6 +18,7 @@ from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.branch import Branch, Point
 from jaxcrusher.periodic.collocation_problem import CollocationProblem
 from jaxcrusher.periodic.event_curve import EventCurve
+from jaxcrusher.periodic.multipliers import matrix_error
 from jaxcrusher.periodic.node_errors import Family
 from jaxcrusher.periodic.problem import AbstractPeriodicProblem
 from jaxcrusher.periodic.shooting_problem import AbstractFlow, ShootingProblem, Turns
@@ -82,8 +83,7 @@ def orbit_of(branch: Branch, point: Point) -> PeriodicOrbit:
     if isinstance(problem, CollocationProblem):
         return _by_nodes(problem, u, p, scales, problem.family(p).args.entries())
     assert isinstance(problem, ShootingProblem)
-    assert isinstance(problem.flow, SceneFlow)
-    return _by_slices(problem.flow.build(p.reshape(-1)), problem, u, point.seen)
+    return _by_slices(problem, u, p, point.seen)
 
 
 @eqx.filter_jit
@@ -95,21 +95,20 @@ def _by_nodes(
     return described(system, found, u, problem.period, outputs)
 
 
-def _by_slices(
-    scene: AbstractScene, problem: ShootingProblem, u: Array, seen: Turns
-) -> PeriodicOrbit:
-    """Return an orbit without an error of its multipliers.
-
-    Its `error` is what a tolerance 100 times as large makes of the RMS.
-    """
+def _by_slices(problem: ShootingProblem, u: Array, p: Array, seen: Turns) -> PeriodicOrbit:
+    """Return an orbit, whose errors are what a tolerance 100 times as large makes of it."""
+    assert isinstance(problem.flow, SceneFlow)
+    coarser = problem.resolved(np.asarray(u), finer=False)
+    assert coarser is not None
+    matrix, rough = jnp.asarray(seen.matrix), coarser[0].linearised(u, p).seen.matrix
     found = shot.Closed(
         jnp.asarray(problem.states(u)[0]),
-        jnp.asarray(seen.matrix),
-        jnp.asarray(jnp.nan),
+        matrix,
+        matrix_error(matrix, rough - matrix),
         jnp.array(0),
         newton.RESULTS.successful,
     )
-    return shot.described(scene, found, problem.period)
+    return shot.described(problem.flow.build(p.reshape(-1)), found, problem.period)
 
 
 def _family(value: Array, *, scene: Callable[[Array], AbstractScene], period: int) -> System:

@@ -22,7 +22,7 @@ from jaxcrusher.orbits.penetrations import least_penetrations
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 from jaxcrusher.orbits.section_map import along, chained
 from jaxcrusher.periodic import newton
-from jaxcrusher.periodic.multipliers import difference, eigenvalues, spread
+from jaxcrusher.periodic.multipliers import eigenvalues, matrix_error
 from jaxcrusher.periodic.shooting_problem import CLOSURE, COARSER
 
 # The most of Newton's steps, at either tolerance of the integration.
@@ -42,7 +42,7 @@ class Closed(eqx.Module):
 
     state: Float[Array, " dims"]
     matrix: Float[Array, "dims dims"]  # what a period makes of a disturbance
-    error: Scalar  # of matrix and multipliers, estimated as that of `Multipliers`
+    error: Scalar  # of the matrix, estimated, as `matrix_error` measures it
     steps: Int[Array, ""]
     result: newton.RESULTS
 
@@ -92,11 +92,7 @@ def _closed(
     state, roots = jax.lax.scan(closer, guess, rounds)
     coarse, fine = roots.jacobian[-2:] + eye
     last = jax.tree.map(lambda leaf: leaf[-3], roots.result)
-    # Of multipliers that all but meet, the error is the root of that of the matrix.
-    good = jnp.all(jnp.isfinite(roots.jacobian[-2:]))
-    apart = spread(eigenvalues(coarse, good), eigenvalues(fine, good))
-    error = jnp.maximum(difference(coarse, fine), apart)
-    return Closed(state, fine, error, jnp.sum(roots.steps), last)
+    return Closed(state, fine, matrix_error(fine, coarse - fine), jnp.sum(roots.steps), last)
 
 
 def integrated_multipliers(
@@ -108,9 +104,7 @@ def integrated_multipliers(
     """
     # By the program that closes orbits.
     found = _closed(scene, state, jnp.asarray(period), jnp.array(SKIPPED + MATRICES))
-    matrix, error = found.matrix, found.error
-    values = eigenvalues(matrix, jnp.all(jnp.isfinite(matrix)))
-    return values, jnp.where(jnp.isnan(error), jnp.inf, error)
+    return eigenvalues(found.matrix, jnp.all(jnp.isfinite(found.matrix))), found.error
 
 
 def described(scene: AbstractScene, found: Closed, period: int) -> PeriodicOrbit:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jax.custom_batching import sequential_vmap
 from jaxtyping import Array, ArrayLike, Bool, Float, Int, Scalar
 
 from jaxcrusher.basics.loops import design_by_design, one_by_one
@@ -24,7 +25,15 @@ from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.collocation import Unfactored, attached, collocate
 from jaxcrusher.periodic.collocation_problem import MOST_NODES
-from jaxcrusher.periodic.multipliers import LOOKS, STEPS, Multipliers, of_slopes
+from jaxcrusher.periodic.multipliers import (
+    LOOKS,
+    MORE_STEPS,
+    STEPS,
+    UNSURE,
+    Multipliers,
+    of_slopes,
+    undecided,
+)
 from jaxcrusher.periodic.newton import Factors
 from jaxcrusher.periodic.node_errors import (
     Between,
@@ -44,11 +53,13 @@ NODES = 96
 SETTLED = 1e-8
 # An orbit whose RMS is known no better, as a share of it, is none.
 UNRESOLVED = 1e-3
-# Multipliers of a frame on supports with a larger error are computed again in shorter steps.
-BLURRED, FASTER = 1e-7, 8
 # Instants between two of these at which the trigonometric polynomial through them is searched for
 # peaks.
 FINER = 8
+
+
+# What is known of an orbit by the steps of its multipliers.
+Known = tuple[Multipliers, NodeErrors]
 
 
 class Nodes(eqx.Module):
@@ -64,6 +75,18 @@ class Nodes(eqx.Module):
     closure: Scalar
     way: WAYS
 
+    @property
+    def multipliers_error(self) -> Scalar:
+        """Return that of the steps and of the nodes."""
+        return self.multipliers.error + self.node_errors.multipliers
+
+    @property
+    def doubted(self) -> Bool[Array, ""]:
+        """Whether the error of the nodes alone leaves open if disturbances die."""
+        values = self.multipliers.values
+        by_steps = undecided(values, self.multipliers.error)
+        return undecided(values, self.multipliers_error) & ~by_steps
+
 
 def of_nodes(
     system: System,
@@ -78,16 +101,23 @@ def of_nodes(
 
     `factors` are those of its equations; None on a branch.
     """
-    scene = system.args
+    scene, solved_for = system.args, result == newton.RESULTS.successful
     between = _between(system, x)
-    found, errors = _passed_on(system, x, between, family, STEPS)
-    if scene.supports is not None:
-        # A frame on stiff springs swings faster than a contact.
-        found, errors = jax.lax.cond(
-            found.error <= BLURRED,
-            lambda: (found, errors),
-            lambda: _passed_on(system, x, between, family, FASTER * STEPS),
-        )
+
+    def resolved(system: System, x: Array, between: Between, known: Known, needed: Array) -> Known:
+        for steps in MORE_STEPS:
+            known = jax.lax.cond(
+                needed & ~(known[0].error <= UNSURE),
+                lambda _, steps=steps: _passed_on(system, x, between, family, steps),
+                lambda known: known,
+                known,
+            )
+        return known
+
+    # One design after the other, on a GPU too: few need more steps. No branch is one of a batch.
+    again = sequential_vmap(resolved) if family is None else resolved
+    known = _passed_on(system, x, between, family, STEPS)
+    found, errors = again(system, x, between, known, solved_for)
     if factors is not None:
         rms = jax.lax.cond(
             jnp.isfinite(errors.rms),
@@ -98,15 +128,6 @@ def of_nodes(
     missed, change = jnp.split(found.closure, 2)
     closure = jnp.max(jnp.abs(flat(forced.state(missed, change, scene), scene)))
     return Nodes(x, result, jnp.asarray(steps), found, errors, closure, way)
-
-
-@eqx.filter_jit
-def in_steps(scene: AbstractScene, found: Nodes, period: int, steps: int) -> Nodes:
-    """Return an orbit with multipliers by so many steps a period."""
-    system = forced.system(scene, period)
-    known, errors = _passed_on(system, found.x, _between(system, found.x), None, steps)
-    rms = jnp.where(jnp.isfinite(errors.rms), errors.rms, found.node_errors.rms)
-    return dataclasses.replace(found, multipliers=known, node_errors=errors._replace(rms=rms))
 
 
 def _between(system: System, x: Float[Array, "nodes dims"]) -> Between:
@@ -122,7 +143,7 @@ def _passed_on(
     between: Between,
     family: Family | None,
     steps: int,
-) -> tuple[Multipliers, NodeErrors]:
+) -> Known:
     """Return the multipliers of the orbit through `x`, and what its nodes leave."""
     found = of_slopes(between.slopes, system.period, steps, between.defect)
     return found, node_errors(system, x, between, _leading_force, family, steps)
@@ -203,7 +224,7 @@ def _refined(scene: AbstractScene, guess: Array | None, period: int) -> _Refined
         few, factors = solved(scene, guess, period, NODES * period)
         # Where Newton's method fails more nodes are of no use.
         failed = few.result != newton.RESULTS.successful
-        settled = failed | (few.node_errors.rms <= SETTLED)
+        settled = failed | ((few.node_errors.rms <= SETTLED) & ~few.doubted)
         start, system = resample(few.x, MOST_NODES * period), forced.system(scene, period)
 
         def more() -> Nodes:
@@ -252,7 +273,7 @@ def described(
         error=error,
         least_penetration=least,
         multipliers=found.multipliers.values,
-        multipliers_error=found.multipliers.error + found.node_errors.multipliers,
+        multipliers_error=found.multipliers_error,
         steps=found.steps,
         way=found.way,
     )

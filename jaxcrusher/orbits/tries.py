@@ -39,11 +39,9 @@ from jaxcrusher.orbits.shot import (
     integrated_multipliers,
 )
 from jaxcrusher.orbits.solving import (
-    FASTER,
     NODES,
     SETTLED,
     Nodes,
-    in_steps,
     solved,
     with_statistics,
 )
@@ -56,7 +54,7 @@ from jaxcrusher.orbits.transient import (
     section_mean,
 )
 from jaxcrusher.periodic import newton
-from jaxcrusher.periodic.multipliers import STEPS
+from jaxcrusher.periodic.multipliers import UNSURE
 from jaxcrusher.periodic.trigonometric import resample
 
 # Distances in clearances from an unstable orbit, at which the orbit of twice the turns is shot for.
@@ -67,9 +65,6 @@ COMES_BACK = 1e-6
 # An orbit with this estimate is not integrated. At 130 orbits of drawn crushers the integrated
 # closure was at most 1.7 times the estimate, where it was above 1e-7.
 SURELY_CLOSED = 1e-7
-# An error of multipliers above which they are computed again, in up to so many steps a period. In
-# the paper's box the error is at most 2.4e-7.
-UNSURE, MOST_STEPS = 1e-6, FASTER**2 * STEPS
 # Turns of a wait that cost as much as shooting for a period of one turn.
 SHOT = 300
 
@@ -117,7 +112,7 @@ class OrbitSearch(NamedTuple):
             one, found = self.by_so_many(guess, turns, count)
             way = found.way if way is None else way
             orbit = one.orbit
-            enough = count >= most or not self._wants_nodes(orbit)
+            enough = count >= most or not self._wants_nodes(orbit, bool(found.doubted))
             if enough and (not bool(orbit.success) or self._is_closed(orbit, found.closure)):
                 break
             if count >= most:
@@ -130,7 +125,6 @@ class OrbitSearch(NamedTuple):
         """Return the orbit with `count` nodes a turn, and what Newton's method came to."""
         start = self._start(guess, count * turns)
         found, factors = solved(self.still, start, turns, count * turns)
-        found = _resolved(self.still, found, turns)
         sloped = with_statistics(self.scene, found, factors, turns)
         orbit = without_slopes(sloped)
         if concrete(orbit.error) is None:  # slopes by several numbers at once hide the values
@@ -143,19 +137,19 @@ class OrbitSearch(NamedTuple):
             return jnp.full((nodes, unknowns(self.still)), jnp.nan, float)
         return guess if len(guess) == nodes else resample(guess, nodes)
 
-    def _wants_nodes(self, orbit: PeriodicOrbit) -> bool:
+    def _wants_nodes(self, orbit: PeriodicOrbit, doubted: bool) -> bool:
         """Tell whether more nodes may help: what they do not resolve is sooner shot for."""
-        inexact = bool(orbit.success) and not float(orbit.error) <= SETTLED
+        inexact = bool(orbit.success) and (doubted or not float(orbit.error) <= SETTLED)
         return inexact or (_is_unresolved(orbit) and not self.spent.bounds.bounded)
 
     def with_multipliers(self, found: Try, nodes: Nodes) -> Try:
-        """Return an orbit with multipliers by the integrator, if steps leave them unsure.
+        """Return an orbit with multipliers by the integrator, if steps or nodes leave them unsure.
 
         Where that is beyond the effort they stay as they are, with their error.
         """
         orbit = found.orbit
-        known = not bool(orbit.success) or bool(nodes.multipliers.error <= UNSURE)
-        if known or not can_be_shot(self.still, orbit.section):
+        unsure = not bool(nodes.multipliers.error <= UNSURE) or bool(nodes.doubted)
+        if not (bool(orbit.success) and unsure) or not can_be_shot(self.still, orbit.section):
             return found
         # Tangents of four numbers cost as much as 8 to 30 turns, of eight as 90 to 170.
         turns = orbit.section.size**2 * orbit.period
@@ -286,7 +280,7 @@ def first_stable(tries: Iterable[Try], wait: Wait | None = None) -> PeriodicOrbi
 def _so_far(found: list[Try], wait: Wait | None) -> str:
     """Say what an interrupted search has come to."""
     orbit = next((one.orbit for one in found if bool(one.orbit.success)), None)
-    seen = "no orbit yet" if orbit is None else f"an unstable orbit. {orbit.instability}"
+    seen = "no orbit yet" if orbit is None else f"an orbit. {orbit.instability}"
     return seen if wait is None else f"{seen.rstrip('.')}. {wait.told()}"
 
 
@@ -383,18 +377,6 @@ def _shots(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
             yield search.by_shooting(mean, turns)
     none = missing(search.still, search.turns, RESULTS.not_closed)
     yield Try(none, none)
-
-
-def _resolved(scene: AbstractScene, found: Nodes, turns: int) -> Nodes:
-    """Return nodes with multipliers in shorter steps, as long as their error is too large.
-
-    A contact that damps itself to rest within a step of the usual length overflows there.
-    """
-    steps, solved_for = STEPS, bool(found.result == newton.RESULTS.successful)
-    while solved_for and steps < MOST_STEPS and not found.multipliers.error <= UNSURE:
-        steps *= FASTER
-        found = in_steps(scene, found, turns, steps)
-    return found
 
 
 def _is_unresolved(orbit: PeriodicOrbit) -> bool:

@@ -11,7 +11,14 @@ import numpy as np
 from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.periodic.collocation import TOLERANCE
-from jaxcrusher.periodic.multipliers import monodromy
+from jaxcrusher.periodic.multipliers import (
+    MORE_STEPS,
+    STEPS,
+    UNSURE,
+    Multipliers,
+    monodromy,
+    multipliers,
+)
 from jaxcrusher.periodic.newton import HostRoot, newton
 from jaxcrusher.periodic.problem import (
     MOST_CORRECTIONS,
@@ -83,8 +90,13 @@ class CollocationProblem(AbstractPeriodicProblem):
         return HostRoot(np.asarray(point), np.asarray(jacobian), None, int(steps))
 
     def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
-        """Return the matrix that the variational equations give."""
-        return np.asarray(_monodromy(self, u, jnp.asarray(p)))
+        """Return the matrix that the variational equations give, in as many steps as it needs."""
+        found = _multipliers(self, u, jnp.asarray(p), STEPS)
+        for steps in MORE_STEPS:
+            if found.error <= UNSURE:
+                break
+            found = _multipliers(self, u, jnp.asarray(p), steps)
+        return np.asarray(found.monodromy)
 
     def turns(self, u: Any, seen: Any) -> int:
         """Return after how many turns the nodes repeat already."""
@@ -129,8 +141,8 @@ def _solved(equations: Bordered):
 
 
 @eqx.filter_jit
-def _monodromy(problem: CollocationProblem, u: Array, p: Parameters) -> Array:
-    return monodromy(problem.family(p), u)
+def _multipliers(problem: CollocationProblem, u: Array, p: Parameters, steps: int) -> Multipliers:
+    return multipliers(problem.family(p), u, steps)
 
 
 def _over(p: Parameters, *, family: Callable[[Array], System], share: float) -> System:

@@ -41,6 +41,7 @@ from optimize import orbits as periodic
 from optimize.answer import Check, Coexisting, Confirmed
 from optimize.bound import Points, _at_most, optimality_bound, refined, unbounded
 from optimize.cells import ROUGHER, Cells, beside
+from optimize.counts import of_orbits
 from optimize.evaluate import Window, evaluate, judged
 from optimize.limits import Limit
 from optimize.objectives import OBJECTIVES, OF_SUPPORTS, plain
@@ -210,6 +211,7 @@ def bowl(case, units, neighbours=None, **how):
     """Rows of points whose objective is a bowl, as a map has them: all are stable, and count."""
     rows = {name: np.ones(len(units), bool) for name in ("success", "stable", "counts")}
     return rows | {
+        "undecided": ~rows["stable"],
         "objective": 2e4 + 1e3 * ((units - CENTRE) ** 2).sum(axis=1),
         "slope": 2e3 * (units - CENTRE) / periodic.widths(case),
         "failure": np.full(len(units), "It is chaotic."),
@@ -1137,11 +1139,23 @@ def test_slopes_of_an_optimum_that_does_not_settle(monkeypatch):
 
 @pytest.mark.parametrize("outside_counts", [True, False])
 def test_a_descent_keeps_inside_the_model_if_asked(monkeypatch, outside_counts):
-    rows = {"stable": [True], "inside_model": [False], "objective": [2.0], "slope": np.ones((1, 2))}
+    rows = {"stable": [True], "undecided": [False], "inside_model": [False]}
+    rows |= {"objective": [2.0], "slope": np.ones((1, 2))}
     monkeypatch.setattr(smooth, "solve", lambda case, units: rows)
     case = replace(resolve(Options(**SMALL)).case, inside_model=not outside_counts)
     value, _ = smooth.objective(case)(np.full(2, 0.5))
     assert value == 2.0 if outside_counts else np.isnan(value)
+
+
+@pytest.mark.parametrize("undecided", [True, False])
+def test_what_is_not_known_to_be_stable_is_not_unstable(monkeypatch, undecided):
+    """A descent goes on there, and a map chooses it."""
+    rows = {"stable": [False], "undecided": [undecided], "inside_model": [True]}
+    rows |= {"objective": [2.0], "slope": np.ones((1, 2))}
+    monkeypatch.setattr(smooth, "solve", lambda case, units: rows)
+    case = resolve(Options(**SMALL)).case
+    assert np.isfinite(smooth.objective(case)(np.full(2, 0.5))[0]) == undecided
+    assert of_orbits(case, rows, case.capacity(np.full((1, 2), 0.5))).tolist() == [undecided]
 
 
 def test_folder_that_cannot_be_written(tmp_path, capfd):

@@ -11,14 +11,12 @@ import jaxcrusher as jc
 from jaxcrusher.basics.integrate import Outcome
 from jaxcrusher.motion.indicators import CHAOS
 from jaxcrusher.motion.section import fine
-from jaxcrusher.orbits import forced, transient, tries
+from jaxcrusher.orbits import transient, tries
 from jaxcrusher.orbits.effort import EFFORTS, Spent
 from jaxcrusher.orbits.result import RESULTS, WAYS, missing
 from jaxcrusher.orbits.solving import solved
 from jaxcrusher.orbits.transient import FromRest, Round, Wait, resting_start
 from jaxcrusher.orbits.tries import (
-    MOST_STEPS,
-    UNSURE,
     OrbitSearch,
     Try,
     first_stable,
@@ -26,7 +24,7 @@ from jaxcrusher.orbits.tries import (
     with_doubled,
 )
 from jaxcrusher.periodic import newton
-from jaxcrusher.periodic.multipliers import multipliers
+from jaxcrusher.periodic.multipliers import UNSURE
 
 # Near a harmonic of the drive Newton's method fails from rest. RMS of 20 turns after 3000 from the
 # start in contact, at a tolerance of 1e-9, by the integrator.
@@ -70,10 +68,8 @@ def test_multipliers_of_a_contact_that_damps_too_fast_for_the_usual_steps(impact
     usual = jc.periodic_orbit(scene, nodes=96)
     assert usual.stable and usual.multipliers_error < UNSURE
     found, _ = solved(scene, None, 1, 96)
-    assert not found.multipliers.error < 1  # what `jax.jit` has
-    if impact_velocity < 1e-5:  # steps of the shortest length overflow too
-        shortest = multipliers(forced.system(scene, 1), found.x, MOST_STEPS)
-        assert not shortest.error < 1
+    # What `jax.jit` has: steps of the shortest length overflow too where it is least.
+    assert bool(found.multipliers.error < 1) == (impact_velocity > 1e-5)
     # By the integrator, slice by slice; at this tolerance it leaves 1e-8 of the largest.
     section = jc.poincare_section(scene, 0, 1, slices=64, state=usual.section, rtol=1e-10)
     matrix = np.eye(4)
@@ -131,7 +127,8 @@ def test_nodes_are_doubled_until_the_orbit_is_closed():
     scene, asked = jc.paper_scene(27.0, 0.05e-3), []
     stable = jc.periodic_orbit(scene, nodes=96)
     beside = dataclasses.replace(stable, section=stable.section + 0.1)
-    Found = dataclasses.make_dataclass("Found", ["way", "closure"])
+    names = ["way", "closure"]
+    Found = dataclasses.make_dataclass("Found", names, namespace={"doubted": False})
 
     def answer(*closures):
         class Search(OrbitSearch):
@@ -291,7 +288,7 @@ def test_tangents_beyond_the_effort_are_not_integrated(monkeypatch, steps, integ
         return jnp.zeros(4), jnp.array(0.0)
 
     monkeypatch.setattr(tries, "integrated_multipliers", tangents)
-    Unsure = dataclasses.make_dataclass("Unsure", ["multipliers"])
+    Unsure = dataclasses.make_dataclass("Unsure", ["multipliers"], namespace={"doubted": False})
     Error = dataclasses.make_dataclass("Error", ["error"])
     search = OrbitSearch(scene, scene, None, None, None, Spent("usual"))
     search.spent.bounds = search.spent.bounds._replace(steps=steps)
@@ -329,7 +326,8 @@ def test_each_effort_takes_its_tries_in_its_order():
     scene, asked = jc.paper_scene(27.0, 0.05e-3), []
     orbit = missing(scene, 1, RESULTS.unresolved)
     none = Try(orbit, orbit)
-    Found = dataclasses.make_dataclass("Found", ["way", "closure"])
+    names = ["way", "closure"]
+    Found = dataclasses.make_dataclass("Found", names, namespace={"doubted": False})
 
     class Still(Wait):
         def rounds(self):

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxcrusher.periodic.collocation import collocate
-from jaxcrusher.periodic.multipliers import multipliers
+from jaxcrusher.periodic.multipliers import matrix_error, multipliers
 from jaxcrusher.periodic.newton import RESULTS
 from jaxcrusher.periodic.system import System
 from jaxcrusher.periodic.trigonometric import differentiation, evaluate, nodes, resample
@@ -60,6 +60,29 @@ def test_what_dies_before_a_period_ends_has_known_multipliers(rate, left):
     found = multipliers(system, jnp.zeros((8, 1)))
     assert found.largest == pytest.approx(left, rel=0.5, abs=1e-300)
     assert found.error < 1e-50
+
+
+@pytest.mark.parametrize(
+    ("square", "left", "error"),
+    [
+        # A complex pair's modulus is the root of the determinant, which `left` changes by itself.
+        (-1e-6, 1e-9, 0.5e-9),
+        # A pair that may be real within the error: it parts by the root of 1e-9, one way alone.
+        (-1e-9, 2e-9, 1e-9**0.5),
+        (-1e-9, -2e-9, 1e-9**0.5),
+        (1e-6, 1e-9, 0.5e-6),  # a real one: sqrt(1e-6 + 1e-9) - 1e-3
+    ],
+)
+def test_the_error_of_multipliers_is_that_of_their_moduli(square, left, error):
+    """Of 0.9 +- sqrt(square), by a companion matrix whose lower corner has an error `left`."""
+    matrix = jnp.array([[0.9, 1.0], [square, 0.9]])
+    found = matrix_error(matrix, jnp.array([[0.0, 0.0], [left, 0.0]]))
+    # To first order in left / (2 * 0.9), and at least that of the matrix.
+    assert float(found) == pytest.approx(max(abs(left), error), rel=0.2)
+
+
+def test_nothing_is_known_of_a_matrix_that_overflows():
+    assert np.isinf(matrix_error(jnp.eye(2), jnp.full((2, 2), jnp.nan)))
 
 
 def test_magnus_is_of_sixth_order():
