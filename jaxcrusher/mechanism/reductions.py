@@ -161,7 +161,7 @@ def top(samples: Float[Array, " n"]) -> Scalar:
 
 def share_above_zero(samples: Float[Array, " n"]) -> Scalar:
     """NaN where a sample is, in which a comparison sees a number below zero."""
-    return jnp.mean(jnp.where(jnp.isnan(samples), jnp.nan, samples > 0))
+    return jnp.mean(jnp.where(jnp.isnan(samples), jnp.nan, (samples > 0).astype(float)))
 
 
 # What a program computes: it is compiled for the entries, since a name may get another one.

@@ -178,7 +178,7 @@ def by_turns(
 ) -> tuple[Float[Array, "turns dims"], dict[str, Float[Array, " turns"]], Outcome]:
     """Return the section points at the ends of turns, statistics of each turn, and the outcome."""
     flow, problem = Flow(scene, unflattened(state, scene)), statistics_problem(outputs)
-    times = 2 * jnp.pi * (jnp.arange(turns)[:, None] + instants(outputs))
+    times = 2 * jnp.pi * (jnp.arange(turns, dtype=float)[:, None] + instants(outputs)[None])
     (states, values), outcome = integrate(flow, times, problem=problem, method=method)
     # Of an ideal joint a state has no numbers, and the turns alone say how many there are.
     points = jax.vmap(lambda state, _: flat(state, scene))(states, jnp.arange(turns))
@@ -225,7 +225,7 @@ def instants(outputs: Chosen, share: float = 1.0) -> Float[Array, " n"]:
     """The shares of a turn (or of a share of it) at which these statistics look, and its end."""
     seen = any(isinstance(one.reduction, Sampled) for _, one in outputs)
     count = max(round(share * SAMPLES), 3) if seen else 1
-    return share * jnp.arange(1, count + 1) / count
+    return share * jnp.arange(1, count + 1, dtype=float) / count
 
 
 @functools.cache  # so that programs of other counts share its trace

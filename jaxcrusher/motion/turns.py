@@ -131,7 +131,7 @@ def _chunk(
 ) -> tuple[Array, dict[str, Array], Outcome]:
     """Return the state after a chunk of turns, and samples of each quantity by turn."""
     flow = Flow(scene, unflattened(state, scene), phase)
-    times = 2 * jnp.pi * (jnp.arange(CHUNK)[:, None] + instants(outputs))
+    times = 2 * jnp.pi * (jnp.arange(CHUNK, dtype=float)[:, None] + instants(outputs)[None])
     problem = statistics_problem(outputs)
     (states, values), outcome = integrate(flow, times, problem=problem, method=method)
     # The phase goes on, and with it the crank's angle: it is not counted from the nearest turn.

@@ -90,7 +90,7 @@ def _closed(
         return jnp.where(root.success | (steps <= 0), root.point, jnp.nan), root
 
     state, roots = jax.lax.scan(closer, guess, rounds)
-    coarse, fine = roots.jacobian[-2:] + eye
+    coarse, fine = roots.jacobian[-2:] + eye[None]
     last = jax.tree.map(lambda leaf: leaf[-3], roots.result)
     # Of multipliers that all but meet, the error is the root of that of the matrix.
     good = jnp.all(jnp.isfinite(roots.jacobian[-2:]))
