@@ -196,8 +196,8 @@ def _relative(scene: AbstractScene, seen: dict[str, PyTree[Array]]) -> Float[Arr
     ]
     if scene.supports is not None:
         units = frame_units(scene)
-        shift = jnp.stack([jnp.zeros(()), units.sag])
+        shift = jnp.stack([jnp.zeros(()), units.sag])[None]
         moved = paths["path of frame_displacement"] + shift
-        relative += [moved / jnp.stack([units.x, units.y])]
+        relative += [moved / jnp.stack([units.x, units.y])[None]]
         relative += [paths["path of frame_rotation"][:, None] / units.angle]
     return jnp.concatenate(relative, axis=1)
