@@ -82,6 +82,14 @@ def test_what_was_not_asked_for_says_so(results):
     assert summary.validity.verdict() == "inside the contact model"
 
 
+def test_a_linkage_offers_nothing_that_is_made_of_a_crusher_s():
+    motion = jc.simulate(jc.read_scene("examples/four_bar.toml"), [0.0], outputs=("drive_power",))
+    for name in ("jaw_displacement", "contact_fraction"):
+        assert name not in dir(motion) and not hasattr(motion, name)
+        with pytest.raises(AttributeError, match=f"^There is no `{name}`, but drive_power"):
+            getattr(motion, name)
+
+
 def test_results_are_pytrees_that_can_be_copied_and_kept(results):
     for result in results:
         for other in (
