@@ -41,6 +41,9 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
 import jax  # noqa: E402
 
 jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
+# A project that sets both can then call the package, as those of diffrax and optimistix can.
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+jax.config.update("jax_numpy_rank_promotion", "raise")
 
 # A test compiles longer than it computes, so it compiles without optimisation (a third of the time
 # of all) unless it is marked `optimised`. Four passes of XLA are left out, which took 40 % of what
@@ -153,6 +156,13 @@ def forget_laws():
         if table.keys() != before.keys():
             table.clear()
             table.update(before)
+
+
+@pytest.fixture(scope="module")
+def promoting():
+    """JAX as its users have it, whose own functions may mix types and ranks."""
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        yield
 
 
 @pytest.fixture

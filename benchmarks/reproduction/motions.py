@@ -39,8 +39,8 @@ class Portrait:
 
 def _row(scene: Scene) -> dict:
     turn = 2 * jnp.pi / scene.drive.speed
-    history = SETTLE_TURNS + SHOWN_TURNS * jnp.arange(HISTORY) / HISTORY
-    sections = SETTLE_TURNS + SHOWN_TURNS + jnp.arange(SECTIONS)
+    history = SETTLE_TURNS + SHOWN_TURNS * jnp.arange(float(HISTORY)) / HISTORY
+    sections = SETTLE_TURNS + SHOWN_TURNS + jnp.arange(float(SECTIONS))
     assert scene.joint is not None
     names = ("eccentricity", "foundation_force", "penetration_ratio", "penetration_rate")
     motion = jc.simulate(

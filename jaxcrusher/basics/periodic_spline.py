@@ -86,6 +86,6 @@ class PeriodicSeries(Record):
 def series_of(spline: PeriodicSpline, orders: int) -> PeriodicSeries:
     """Return the first orders of a spline's Fourier series, from its values at many angles."""
     count = max(8 * len(spline.start), 8 * orders)
-    seen = jnp.fft.rfft(jax.vmap(spline)(jnp.arange(count) * TURN / count))[:orders]
+    seen = jnp.fft.rfft(jax.vmap(spline)(jnp.arange(count, dtype=float) * TURN / count))[:orders]
     both = 2 * seen / count
     return PeriodicSeries(both.real.at[0].divide(2.0), -both.imag)

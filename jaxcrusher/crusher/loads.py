@@ -183,7 +183,7 @@ def closing_stroke_of(linkage: Linkage, along: Scalar | float | None) -> tuple[S
     not close just once in a turn is NaN.
     """
     step = 2 * jnp.pi / _ANGLES
-    angles = step * jnp.arange(_ANGLES)
+    angles = step * jnp.arange(_ANGLES, dtype=float)
 
     def closing(angle: Scalar) -> Scalar:
         def point(at: Scalar) -> Vector:
@@ -354,7 +354,7 @@ def rough_feed(load: AbstractLoad, scatter: Any, bandwidth: Any, seed: Any) -> R
     """Return a load with a wave of its own for each `seed`, a whole number that may be traced."""
     keys = jax.random.split(jax.random.key(jnp.asarray(seed).astype(jnp.uint32)))
     random = [jax.random.uniform(key, (COSINES,), float) for key in keys]
-    places, phases = (jnp.arange(COSINES) + random[0]) / COSINES, 2 * np.pi * random[1]
+    places, phases = (jnp.arange(COSINES, dtype=float) + random[0]) / COSINES, 2 * np.pi * random[1]
     # A seed of NaN, which lies outside its limits, would be taken for 0.
     phases = nan_unless(jnp.isfinite(seed), phases)
     return RoughFeed(load, scatter, bandwidth, places, phases)

@@ -39,6 +39,8 @@ _NEEDED = {"speed", "quantity", "order", "amplitude", "sigma"}
 _KNOWN = _NEEDED | {"phase", "unit"}
 # The scatter of harmonics over fewer turns says little.
 FEWEST_TURNS = 5
+# A difference of so many standard deviations of one of its two parts is none of noise.
+CLEAR = 5.0
 RMS, WHOLE = "rms", ""
 
 
@@ -158,8 +160,15 @@ def of_series(
     `columns` are `time` (s), `angle` (rad, of the shaft, which may begin again each turn), and each
     quantity by its name, with another unit than SI in brackets behind it. Each whole turn has
     harmonics of its own, of the phase, by least squares. The answer is their mean, and its standard
-    deviation that of independent turns, by Student's distribution. Raises ValueError for fewer than
-    five whole turns, for times that fall, and for a gap over which turns cannot be counted.
+    deviation that of independent turns, by Student's distribution.
+
+    Of n instants a turn at the same angles the order n - k folds onto k: it looks the same, and
+    turns do not scatter by it. So a filter must have taken such orders away, or n must be large. To
+    the standard deviation is added by what the harmonics of every second instant differ, which is
+    what folds at half of n, and at least what folds where orders fall with their square.
+
+    Raises ValueError for fewer than five whole turns, for orders of a quarter of n and above, for
+    times that fall, and for a gap over which turns cannot be counted.
     """
     for name, column in columns.items():
         require(bool(np.isfinite(column).all()), name, "be finite in each row", "not")
@@ -178,10 +187,15 @@ def of_series(
         quantity, _, unit = (part.strip(" )") for part in name.partition("("))
         size = _size(unit, unit_of(quantity))
         each = [_fit(angle[turn == i], columns[name][turn == i], orders) for i in range(turns)]
-        mean = size * np.mean(each, axis=0)
+        mean, apart = size * np.mean(each, axis=0)
         # Of the mean, in each of its two parts: Student's, of as many degrees of freedom less two.
-        scatter = size * np.sqrt(np.var(each, axis=0, ddof=1) / (2 * turns))
+        scatter, of_apart = size * np.sqrt(np.var(each, axis=0, ddof=1) / (2 * turns))
         scatter = scatter * np.sqrt((turns - 1) / (turns - 2))
+        # What differs by more than it scatters.
+        folded = np.where(abs(apart) > CLEAR * of_apart, abs(apart), 0.0) / np.sqrt(2)
+        whole = size * np.std(columns[name]) * np.sqrt(2)  # the amplitude, if it is of one order
+        least = whole / (np.bincount(turn)[:turns].min() - np.arange(1, orders + 1)) ** 2
+        scatter = np.hypot(scatter, np.maximum(folded, least))
         found += [
             Measurement(speed, quantity, k, float(abs(a)), float(s), float(np.angle(a)))
             for k, (a, s) in enumerate(zip(mean, scatter, strict=True), 1)
@@ -190,12 +204,19 @@ def of_series(
 
 
 def _fit(angle: np.ndarray, values: np.ndarray, orders: int) -> np.ndarray:
-    """Return A exp(i phi) of the orders 1 to `orders`."""
-    require(2 * orders < angle.size, "orders", "be less than half of a turn's instants", orders)
+    """Return A exp(i phi) of the orders 1 to `orders`, and half of what every second one differ."""
+    must = "be less than a quarter of a turn's instants, since higher ones fold onto lower ones"
+    require(4 * orders + 2 <= angle.size, "orders", must, f"{orders} of {angle.size} instants")
     phases = np.outer(angle, np.arange(orders + 1))
     basis = np.hstack([np.cos(phases), -np.sin(phases[:, 1:])])
-    parts = np.linalg.lstsq(basis, values, rcond=None)[0]
-    return parts[1 : orders + 1] + 1j * parts[orders + 1 :]
+    parts = np.stack(
+        [
+            np.linalg.lstsq(basis[one], values[one], rcond=None)[0]
+            for one in (slice(None), slice(0, None, 2), slice(1, None, 2))
+        ]
+    )
+    whole, even, odd = parts[:, 1 : orders + 1] + 1j * parts[:, orders + 1 :]
+    return np.stack([whole, (even - odd) / 2])
 
 
 def taken(

@@ -187,12 +187,12 @@ def _seen(orbit: PeriodicOrbit, what: What) -> Seen:
             # The RMS of a quantity that stands still has no slope.
             rms = jnp.where(spread == 0, 0.0, jnp.sqrt(jnp.where(spread == 0, 1.0, spread)))
             key = name if values.ndim == 1 else name + side
-            spectra[key] = jnp.concatenate([basis @ column, rms[None]])
+            spectra[key] = jnp.append(basis @ column.astype(complex), rms.astype(complex))
     statistics = {
         name: orbit.least_penetration if name == LEAST_PENETRATION else orbit[name]
         for name in what.statistics
     }
-    return Seen(spectra, statistics, orbit.stable * 1.0)
+    return Seen(spectra, statistics, jnp.asarray(orbit.stable, float))
 
 
 def residual_rows(

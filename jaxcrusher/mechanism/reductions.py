@@ -242,7 +242,7 @@ class ShareAboveZero(AbstractFollowed):
 
     def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
         """Return the share of the samples; NaN where one is, which compares as one below zero."""
-        return jnp.mean(jnp.where(jnp.isnan(samples), jnp.nan, samples > 0))
+        return jnp.mean(jnp.where(jnp.isnan(samples), jnp.nan, (samples > 0).astype(float)))
 
     def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
         """Return the mean."""

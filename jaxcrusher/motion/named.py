@@ -1,7 +1,7 @@
 """Results by name."""
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,29 @@ from jaxcrusher.basics.checks import concrete
 
 # What may be asked for by name, each with its `unit`.
 Known = tuple[tuple[str, Any], ...]
+
+
+class MadeOf(property):
+    """A property of a result, there only where what it is made of may be asked for."""
+
+    needed: str
+
+    def __get__(self, result: Any, kind: type | None = None) -> Any:
+        """Return its value; AttributeError where it is not there."""
+        if result is not None and self.needed not in result.units():
+            raise AttributeError
+        return super().__get__(result, kind)
+
+
+def made_of(needed: str) -> Callable[[Callable[[Any], Array]], Any]:
+    """Make a property of a method that needs something of this name."""
+
+    def made(method: Callable[[Any], Array]) -> MadeOf:
+        found = MadeOf(method)
+        found.needed = needed
+        return found
+
+    return made
 
 
 class AbstractNamed(abc.ABC):
@@ -53,7 +76,7 @@ class AbstractNamed(abc.ABC):
             return self.values[name]
 
     def __dir__(self):
-        return [*super().__dir__(), *self.values]
+        return [*filter(self._offers, super().__dir__()), *self.values]
 
     def __str__(self) -> str:
         """A line for each name, and first what failed."""
@@ -65,6 +88,10 @@ class AbstractNamed(abc.ABC):
             unit = "" if units[name] == "1" else f" {units[name]}"
             lines.append(f"  {name:{width}} {_shown(value)}{unit}")
         return "\n".join(lines)
+
+    def _offers(self, name: str) -> bool:
+        found = getattr(type(self), name, None)
+        return not isinstance(found, MadeOf) or found.needed in self.units()
 
     def _missing(self, name: str) -> str:
         if name in self.units():

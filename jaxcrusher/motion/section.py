@@ -107,7 +107,9 @@ class Sloped(eqx.Module):
             end, found, outcome = self.slice(state, phase, span)
             return (end, first_failure(before, outcome)), found
 
-        (state, outcome), slices = jax.lax.scan(one, (state, fine()), span * jnp.arange(count))
+        (state, outcome), slices = jax.lax.scan(
+            one, (state, fine()), span * jnp.arange(count, dtype=float)
+        )
         scene = self.build(self.point)
         return flat(unflattened(state, scene), scene), slices, outcome
 

@@ -78,7 +78,7 @@ def has_trend(how: Statistic, by_turn: Float[Array, " turns"]) -> Bool[Array, ""
     if len(by_turn) < BATCHES or how.unit not in JUDGED:
         return jnp.asarray(False)
     batches = _of_batches(how, by_turn, BATCHES)
-    ranks = jnp.sum(batches[:, None] > batches, axis=1)
+    ranks = jnp.sum(batches[:, None] > batches[None], axis=1)
     change = jnp.abs(batches[-1] - batches[0])
     large = change > TREND_SHARE * jnp.max(jnp.abs(batches))
     return large & (jnp.abs(jnp.corrcoef(jnp.arange(BATCHES), ranks)[0, 1]) > TREND_RANK)
@@ -108,7 +108,7 @@ def swing_of(states: Float[Array, "turns dims"], scene: AbstractScene) -> Scalar
 
     def spread(period: int) -> Float[Array, " joints"]:
         whole = pins[len(pins) % period :].reshape(-1, period, *pins.shape[1:])
-        return jnp.sqrt(jnp.mean(jnp.sum((whole - whole.mean(0)) ** 2, axis=3), axis=(0, 1)))
+        return jnp.sqrt(jnp.mean(jnp.sum((whole - whole.mean(0, keepdims=True)) ** 2, axis=3), axis=(0, 1)))
 
     found = spread(1)
     for period in PERIODS:

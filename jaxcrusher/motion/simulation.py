@@ -25,7 +25,7 @@ from jaxcrusher.mechanism.observables import OF_SUPPORTS
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import Flow, unflattened
 from jaxcrusher.motion.method import Method, resolve
-from jaxcrusher.motion.named import AbstractNamed, Known
+from jaxcrusher.motion.named import AbstractNamed, Known, made_of
 from jaxcrusher.motion.names import ObservableNames
 
 FIRST_STEP = 1e-6  # s
@@ -114,13 +114,13 @@ class Trajectory(eqx.Module, AbstractNamed, ObservableNames):
         """Why and when (s) the integration stopped, or nothing (concrete values only)."""
         return failure_text(self.outcome, "s")
 
-    @property
+    @made_of("jaw_position")
     def jaw_displacement(self) -> Float[Array, "*batch times 2"]:
         """The displacement of B since the first time, m."""
         places = self["jaw_position"]
         return places - places[..., :1, :]
 
-    @property
+    @made_of("penetration_ratio")
     def contact_fraction(self) -> Float[Array, "*batch"]:
         """The share of the given times at which pin and bore touch."""
         return jnp.mean((self["penetration_ratio"] > 0).astype(float), axis=-1)

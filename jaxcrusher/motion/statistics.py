@@ -209,7 +209,7 @@ def by_turns(
     """Return the section points at the ends of turns, statistics of each turn, and the outcome."""
     flow = Flow(scene, unflattened(state, scene))
     problem, shares = statistics_problem(flow, outputs)
-    times = 2 * jnp.pi * (jnp.arange(turns)[:, None] + shares)
+    times = 2 * jnp.pi * (jnp.arange(turns, dtype=float)[:, None] + shares[None])
     (states, values), outcome = integrate(flow, times, problem=problem, method=method)
     # Of an ideal joint a state has no numbers, and the turns alone say how many there are.
     points = jax.vmap(lambda state, _: flat(state, scene))(states, jnp.arange(turns))
@@ -267,7 +267,7 @@ def statistics_problem(
     seen = any(isinstance(one.reduction, kinds) for _, one in outputs)
     span = 1.0 if share is None else share
     count = max(round(span * SAMPLES), 3) if seen else 1
-    return _problem(outputs, share, moves), span * jnp.arange(1, count + 1) / count
+    return _problem(outputs, share, moves), span * jnp.arange(1, count + 1, dtype=float) / count
 
 
 @functools.cache  # so that programs of other counts share its trace

@@ -103,7 +103,7 @@ def slices_apart(
         end, found, _ = sloped.slice(*begin, span)
         return end, found.jacobians, found.forcing
 
-    return jax.lax.map(one, (states, span * jnp.arange(len(states))))
+    return jax.lax.map(one, (states, span * jnp.arange(len(states), dtype=float)))
 
 
 def changes(

@@ -133,7 +133,7 @@ def _chunk(
     """Return the state after a chunk of turns, and the outputs by turn."""
     flow = Flow(scene, unflattened(state, scene), phase)
     problem, shares = statistics_problem(flow, outputs)
-    times = 2 * jnp.pi * (jnp.arange(CHUNK)[:, None] + shares)
+    times = 2 * jnp.pi * (jnp.arange(CHUNK, dtype=float)[:, None] + shares[None])
     (states, values), outcome = integrate(flow, times, problem=problem, method=method)
     # The phase goes on, and with it the crank's angle: it is not counted from the nearest turn.
     end, _ = ravel_pytree(jax.tree.map(lambda leaf: leaf[-1], states))

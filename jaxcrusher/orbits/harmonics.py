@@ -54,7 +54,7 @@ def harmonics(
     outputs = usual if outputs is None else outputs
     require_names("outputs", outputs, tuple(known))
     turns, count = orbit.period, SAMPLES * orbit.period
-    seen = orbit.motion(2 * np.pi / SAMPLES * jnp.arange(count), tuple(outputs))
+    seen = orbit.motion(2 * np.pi / SAMPLES * jnp.arange(count, dtype=float), tuple(outputs))
     names, units, columns = [], [], []
     for name in outputs:
         values = np.asarray(seen[name])

@@ -136,7 +136,7 @@ def _frame_spin(s, scene: AbstractScene) -> Scalar:
 
 def orbit_turns(orbit: PeriodicOrbit) -> Turns:
     """Return what a sheet looks at along a periodic orbit."""
-    angles = 2 * np.pi / SAMPLES * jnp.arange(SAMPLES * orbit.period)
+    angles = 2 * np.pi / SAMPLES * jnp.arange(SAMPLES * orbit.period, dtype=float)
     seen = seen_along(orbit, angles, tuple(quantities_of(orbit.scene).items()))
     return Turns(orbit.scene, orbit.period, {n: np.asarray(v)[None] for n, v in seen.items()})
 

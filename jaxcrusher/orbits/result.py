@@ -366,4 +366,4 @@ def _marked_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
     slope, _, by_scene = tangents
     # A constant where it is known: a slope that nobody asks for is then not computed.
     added = jnp.nan if good is None else jnp.where(good, 0.0, jnp.nan)
-    return number, slope + added * by_scene
+    return number, slope + (added * by_scene).astype(slope.dtype)

@@ -39,7 +39,7 @@ def passed(
         end, seen, _ = advance(flow, span, method, outputs)
         return flat(end, scene), seen
 
-    return jax.lax.scan(slice_of, state, span * jnp.arange(SLICES))
+    return jax.lax.scan(slice_of, state, span * jnp.arange(SLICES, dtype=float))
 
 
 def chained(

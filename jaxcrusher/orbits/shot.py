@@ -90,7 +90,7 @@ def _closed(
         return jnp.where(root.success | (steps <= 0), root.point, jnp.nan), root
 
     state, roots = jax.lax.scan(closer, guess, rounds)
-    coarse, fine = roots.jacobian[-2:] + eye
+    coarse, fine = roots.jacobian[-2:] + eye[None]
     last = jax.tree.map(lambda leaf: leaf[-3], roots.result)
     return Closed(state, fine, matrix_error(fine, coarse - fine), jnp.sum(roots.steps), last)
 
@@ -190,8 +190,8 @@ def _relative(scene: AbstractScene, seen: dict[str, PyTree[Array]]) -> Float[Arr
     ]
     if scene.supports is not None:
         units = frame_units(scene)
-        shift = jnp.stack([jnp.zeros(()), units.sag])
+        shift = jnp.stack([jnp.zeros(()), units.sag])[None]
         moved = paths["path of frame_displacement"] + shift
-        relative += [moved / jnp.stack([units.x, units.y])]
+        relative += [moved / jnp.stack([units.x, units.y])[None]]
         relative += [paths["path of frame_rotation"][:, None] / units.angle]
     return jnp.concatenate(relative, axis=1)

@@ -283,7 +283,7 @@ def described(
 def kinematic(scene: AbstractScene, period: int, outputs: Chosen) -> PeriodicOrbit:
     """Return the orbit of ideal joints in a clamped frame: a sum over turns."""
     still = scene.formulation.initial(scene)
-    phases = 2 * jnp.pi * jnp.arange(SAMPLES * period) / SAMPLES
+    phases = 2 * jnp.pi * jnp.arange(SAMPLES * period, dtype=float) / SAMPLES
     values, error, _ = _statistics(
         lambda time, scene: scene.formulation.snapshot(time, still, scene),
         (phases / scene.drive.speed,),

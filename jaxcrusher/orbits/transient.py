@@ -81,7 +81,7 @@ def section_mean(
     states, success = section_points(case, turns=TURNS, rtol=WAIT_RTOL)
     states = states[TURNS // 2 + period - 1 :: period]
     mean = jnp.mean(states, axis=0)
-    return mean, jnp.sqrt(jnp.mean((states - mean) ** 2)), success
+    return mean, jnp.sqrt(jnp.mean((states - mean[None]) ** 2)), success
 
 
 @eqx.filter_jit

@@ -152,9 +152,11 @@ def _monodromies(
     """
     units, gauss = _looks(slopes, period, counts)
     dims = defect.shape[1]
-    pushes = jnp.concatenate([period / n * units[dims:] * resample(defect, n) for n in counts])
+    pushes = jnp.concatenate(
+        [period / n * units[None, dims:] * resample(defect, n) for n in counts]
+    )
     pushes = jnp.concatenate([jnp.zeros_like(pushes), pushes], axis=1)
-    scale = units[:, None] / jnp.append(units, 1.0)
+    scale = units[:, None] / jnp.append(units, 1.0)[None]
     if on_a_gpu():
         coarse, fine = jnp.split(jax.vmap(_driven_step)(gauss, pushes[:, :, None]), counts[:1])
         return _product(coarse)[:-1] / scale, _product(fine)[:-1] / scale
@@ -169,7 +171,7 @@ def _monodromies(
         return (before, _step(*looks) @ (passed + push[:, None] * last)), None
 
     size = 2 * dims
-    still, last = jnp.eye(size, size + 1), np.arange(size + 1) == size
+    still, last = jnp.eye(size, size + 1), np.eye(1, size + 1, size)
     begins = np.arange(sum(counts)) == counts[0]
     one, other = jax.lax.scan(pass_on, (still, still), (gauss, pushes, begins))[0]
     return one / scale, other / scale
@@ -203,21 +205,21 @@ def fundamental(
     size = len(units)
     if pushes is None:
         pushes = jnp.zeros((len(slopes[0]), size // 2, 0))
-    scale = units[:, None] / jnp.append(units, jnp.ones(pushes.shape[2]))
-    pushes = period / steps * units[size // 2 :, None] * resample(pushes, steps)
+    scale = units[:, None] / jnp.append(units, jnp.ones(pushes.shape[2]))[None]
+    pushes = period / steps * units[None, size // 2 :, None] * resample(pushes, steps)
     pushes = jnp.concatenate([jnp.zeros_like(pushes), pushes], axis=1)
     still = jnp.eye(size, scale.shape[1])
     if on_a_gpu():
         matrices = jax.vmap(_driven_step)(gauss, pushes)
         after = jax.lax.associative_scan(lambda one, other: other @ one, matrices)[:, :size]
-        return jnp.concatenate([still[None], after[:-1]]) / scale, after[-1] / scale
+        return jnp.concatenate([still[None], after[:-1]]) / scale[None], after[-1] / scale
 
     def pass_on(passed: Array, now: tuple) -> tuple[Array, Array]:
         looks, push = now
         return _step(*looks) @ passed.at[:, size:].add(push), passed
 
     last, before = jax.lax.scan(pass_on, still, (gauss, pushes))
-    return before / scale, last / scale
+    return before / scale[None], last / scale
 
 
 def _looks(
@@ -231,13 +233,13 @@ def _looks(
     # Rates in the unit of the fastest swing, so that all entries are of one size.
     pace = jnp.sqrt(jnp.max(jnp.abs(by_x)))
     units = jnp.concatenate([jnp.ones(dims), jnp.full(dims, 1 / pace)])
-    scale, upper = units[:, None] / units, np.eye(dims, 2 * dims, dims)
+    scale, upper = units[:, None] / units[None], np.eye(dims, 2 * dims, dims)
     lower = jnp.concatenate(slopes, axis=2)
 
     def looked(count: int, shift: float) -> Array:
         found = resample(lower, count, shift)
         both = jnp.concatenate([jnp.broadcast_to(upper, found.shape), found], axis=1)
-        return period / count * scale * both
+        return period / count * scale[None] * both
 
     points = (-GAUSS, 0.0, GAUSS)
     return units, tuple(jnp.concatenate([looked(n, 0.5 + off) for n in counts]) for off in points)

@@ -140,7 +140,7 @@ def newton(
             share,
             factors,
             matrix,
-            now.steps + goes_on,
+            now.steps + goes_on.astype(int),
             converged | exhausted | lost,
             RESULTS.where(able, result, RESULTS.not_finite),
         )

@@ -92,7 +92,7 @@ def node_errors(
     weights = jnp.concatenate([starts, driven, changes], axis=1)
     motions = resample(jnp.einsum("iab,wb->iwa", before, weights), points)
     if family is not None:
-        scaled = changes / family.scales.ravel()
+        scaled = changes / family.scales.ravel()[None]
         seen = motions[:, :, :dims] / np.sqrt(points)
         products = jnp.einsum("iwa,iva->wv", seen, seen) + scaled @ scaled.T
         share = jnp.linalg.solve(products[1:, 1:], products[1:, 0])

@@ -45,7 +45,8 @@ class Modes(eqx.Module):
 
         k are the `harmonics`.
         """
-        poles = 1j * (self.orders[:, None] + share + harmonics)[:, None] - self.exponents[:, None]
+        orders = (self.orders[:, None] + harmonics[None])[:, None] + share
+        poles = 1j * orders.astype(complex) - self.exponents[None, :, None]
         sizes = jnp.fft.ifft(jnp.fft.fft(self.excited, axis=0)[:, :, None] / poles, axis=0)
         waves = jnp.exp(2j * np.pi * nodes(len(sizes))[:, None] * harmonics)
         motion = jnp.einsum("iaj,ijh,ih->iah", self.shapes, sizes, waves)
@@ -57,14 +58,14 @@ class Modes(eqx.Module):
         The mean of a_j w is an integral over the band, of g_jk / (i (nu + k) - e_j), and that of
         a_j conj(a_l) follows from its own equation, which these force.
         """
-        poles = 1j * self.orders[:, None] - self.exponents
-        edge = 1j * bandwidth
-        band = -1j * (jnp.log(poles + edge) - jnp.log(poles - edge)) / (2 * bandwidth)
+        poles = 1j * self.orders[:, None] - self.exponents[None]
+        edge = jax.lax.complex(0.0, bandwidth)
+        band = (jnp.log(poles + edge) - jnp.log(poles - edge)) / (2 * edge)
         beside = jnp.fft.ifft(jnp.fft.fft(self.excited, axis=0) * band, axis=0)
         forcing = beside[:, :, None] * jnp.conj(self.excited)[:, None]
         forcing += jnp.conj(jnp.swapaxes(forcing, 1, 2))
-        decay = self.exponents[:, None] + jnp.conj(self.exponents)
-        poles = 1j * self.orders[:, None, None] - decay
+        decay = self.exponents[:, None] + jnp.conj(self.exponents)[None]
+        poles = 1j * self.orders[:, None, None] - decay[None]
         both = jnp.fft.ifft(jnp.fft.fft(forcing, axis=0) / poles, axis=0)
         motion = jnp.einsum("iaj,ijl,ibl->iab", self.shapes, both, jnp.conj(self.shapes)).real
         with_force = jnp.einsum("iaj,ij->ia", self.shapes, beside).real
@@ -87,19 +88,19 @@ def modes(
     along, once = fundamental(slopes, period)
     count, size = len(along), len(once)
     # Any row and column that are not orthogonal to a mode make the singular matrix regular.
-    edge = np.random.default_rng(0).normal(size=size)
-    unit = np.append(np.zeros(size), 1.0)
+    edge = np.random.default_rng(0).normal(size=size).astype(complex)
+    unit = np.append(np.zeros(size), 1.0).astype(complex)
 
     def one(multiplier: Array) -> Array:
-        matrix = once - multiplier * np.eye(size)
-        bordered = jnp.block([[matrix, edge[:, None]], [edge[None], np.zeros((1, 1))]])
+        matrix = once.astype(complex) - multiplier * np.eye(size, dtype=complex)
+        bordered = jnp.block([[matrix, edge[:, None]], [edge[None], np.zeros((1, 1), complex)]])
         return jnp.linalg.solve(bordered, unit)[:-1]
 
     exponents = jnp.log(multipliers) / (2 * np.pi)
-    back = jnp.exp(-2 * np.pi * nodes(count)[:, None] * exponents)
-    shapes = along @ jax.vmap(one, out_axes=1)(multipliers) * back[:, None]
+    back = jnp.exp(-2 * np.pi * nodes(count).astype(complex)[:, None] * exponents[None])
+    shapes = along.astype(complex) @ jax.vmap(one, out_axes=1)(multipliers) * back[:, None]
     pushed = resample(force, count) * period / (2 * np.pi)
-    pushed = jnp.concatenate([jnp.zeros_like(pushed), pushed], axis=1)
+    pushed = jnp.concatenate([jnp.zeros_like(pushed), pushed], axis=1).astype(complex)
     return Modes(exponents, shapes, jnp.linalg.solve(shapes, pushed[:, :, None])[:, :, 0])
 
 
@@ -137,10 +138,10 @@ def band(bandwidth: Scalar, widest: float, multipliers: Complex[Array, " states"
     of_band = jnp.stack([jnp.zeros_like(edge), edge, jnp.full_like(edge, 0.5)])
     ends = jnp.sort(jnp.concatenate([of_band, peaks]))
     # An end of the band may lie beside a resonance.
-    breadths = jnp.min(breadths + jnp.abs(ends[:, None] - peaks), axis=1)
+    breadths = jnp.min(breadths[None] + jnp.abs(ends[:, None] - peaks[None]), axis=1)
     half = (ends[1:] - ends[:-1]) / 2
     points, gauss = np.polynomial.legendre.leggauss(POINTS)
-    points, gauss = (points + 1) / 2, gauss / 2
+    points, gauss = (points[None] + 1) / 2, gauss[None] / 2
 
     def side(end: Array, breadth: Array, sign: int) -> tuple[Array, Array]:
         reach = jnp.arcsinh(half / breadth)[:, None]
@@ -150,8 +151,8 @@ def band(bandwidth: Scalar, widest: float, multipliers: Complex[Array, " states"
 
     sides = side(ends[:-1], breadths[:-1], 1), side(ends[1:], breadths[1:], -1)
     shares, weights = (jnp.concatenate(part) for part in zip(*sides, strict=True))
-    inside = jnp.abs(shares[:, None] + harmonics) <= bandwidth
-    return Band(shares, weights[:, None] * inside / bandwidth, harmonics)
+    inside = jnp.abs(shares[:, None] + harmonics[None]) <= bandwidth
+    return Band(shares, weights[:, None] * inside.astype(float) / bandwidth, harmonics)
 
 
 def mean_variance(of: Modes, over: Band, weighted: Float[Array, "steps states"]) -> Scalar:
@@ -159,10 +160,12 @@ def mean_variance(of: Modes, over: Band, weighted: Float[Array, "steps states"])
 
     def at(one: tuple[Array, Array]) -> Array:
         share, weights = one
-        product = jnp.einsum("ia,ias->is", weighted, of.responses(share, over.harmonics))
+        product = jnp.einsum(
+            "ia,ias->is", weighted.astype(complex), of.responses(share, over.harmonics)
+        )
         # The mean of exp(i (share + k) phase) over a period, but for a phase.
         means = jnp.sinc(share + of.orders) * np.cos(np.pi * of.orders)
-        mean = means @ jnp.fft.fft(product, axis=0) / len(weighted)
+        mean = means.astype(complex) @ jnp.fft.fft(product, axis=0) / len(weighted)
         return jnp.sum(weights * jnp.abs(mean) ** 2)
 
     each = jax.checkpoint(at, prevent_cse=False)

@@ -67,7 +67,7 @@ class System(eqx.Module):
         """df/dx and df/dx' at some instants, and f."""
         by_both = functools.partial(_by_both, self.acceleration)
         (by_x, by_rate), found = one_by_one(by_both, (times, x, rate), self.args)
-        by_rate = by_rate - self._damped(jnp.eye(x.shape[1]))
+        by_rate = by_rate - self._damped(jnp.eye(x.shape[1])[None])
         return (by_x, by_rate), found - self._damped(rate)
 
     def bend(

@@ -27,7 +27,8 @@ def differentiation(count: int, xp: ModuleType = np) -> tuple[Any, Any]:
     Raises ValueError for an odd number of nodes, of which they are others.
     """
     require(count > 0 and count % 2 == 0, "nodes", "be an even number > 0", count)
-    apart = xp.arange(count)[:, None] - xp.arange(count)
+    place = xp.arange(count, dtype=float)
+    apart = place[:, None] - place[None]
     same = apart == 0
     half = xp.where(same, 1.0, np.pi / count * apart)
     sign = 1 - 2 * (apart % 2)
@@ -58,5 +59,6 @@ def evaluate(x: Float[Array, "count ..."], place: Scalar, order: int = 0) -> Flo
     count = len(x)
     harmonics = np.arange(count // 2 + 1)
     weights = np.where((harmonics == 0) | (harmonics == count // 2), 1.0, 2.0) / count
-    turned = weights * (1j * harmonics) ** order * jnp.exp(2j * np.pi * place * harmonics)
+    slopes, phase = 1j * harmonics, 2 * np.pi * jnp.asarray(place, complex)
+    turned = weights * slopes**order * jnp.exp(phase * slopes)
     return jnp.tensordot(turned, jnp.fft.rfft(x, axis=0), axes=1).real

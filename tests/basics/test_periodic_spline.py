@@ -49,7 +49,7 @@ def test_slopes_by_the_points():
 def test_a_sine_is_met_to_fourth_order():
     """De Boor's bound for a complete spline: 5/384 h^4 of the fourth derivative."""
     for count in (12, 24):
-        angles = jnp.arange(count) * TURN / count
+        angles = jnp.arange(float(count)) * TURN / count
         spline = spline_through(angles, jnp.sin(angles))
         apart = jax.vmap(spline)(jnp.asarray(ANYWHERE)) - np.sin(ANYWHERE)
         assert 0 < np.abs(apart).max() < 5 / 384 * (TURN / count) ** 4 * 1.01
@@ -57,7 +57,7 @@ def test_a_sine_is_met_to_fourth_order():
 
 def test_the_series_of_a_spline():
     """Orders that the points resolve are met; slopes by the points are those of the spline."""
-    angles = jnp.arange(360) * TURN / 360
+    angles = jnp.arange(360.0) * TURN / 360
 
     def wave(at):
         return 3 + 2 * np.cos(at - 0.5) + np.sin(3 * at) + 0.5 * np.cos(11 * at)

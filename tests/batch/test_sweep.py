@@ -88,7 +88,7 @@ def test_sweep_equals_single_runs():
 
 
 def _half(function, numbers):
-    return jax.tree.map(lambda leaf: leaf / 2, in_turn(function, numbers))
+    return jax.tree.map(lambda leaf: leaf.astype(float) / 2, in_turn(function, numbers))
 
 
 def test_the_engine_of_a_sweep_is_used_and_told_apart(tmp_path):

@@ -175,7 +175,7 @@ def test_a_mirrored_crusher_has_mirrored_loads():
                 load.force(JawMotion(moving(machine.linkage, turn, Named(), Named()))).force.array()
                 for machine, turn in ((one, crank), (other, back))
             )
-            np.testing.assert_allclose(there, here * np.array([-1, 1]), rtol=1e-9, atol=1e-6)
+            np.testing.assert_allclose(there, here * np.array([-1.0, 1.0]), rtol=1e-9, atol=1e-6)
 
 
 def test_a_bed_is_not_pressed_to_nothing():

@@ -39,7 +39,7 @@ def test_fit_of_lorenz():
             stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6),
             max_steps=100_000,
         )
-        return solution.ys[0, 3:] / jnp.array([100, 50])
+        return solution.ys[0, 3:] / jnp.array([100.0, 50.0])
 
     fit = fit_slopes(mean_z, np.array([28.0]), np.array([2.0]), 32, 0, shift=0.5)
     assert fit.slopes[0] == pytest.approx(1.0, rel=0.05)

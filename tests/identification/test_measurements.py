@@ -147,13 +147,33 @@ def test_a_series_in_a_file(tmp_path):
     text = "\n".join(", ".join(map(repr, map(float, row))) for row in rows)
     path = tmp_path / "series.csv"
     path.write_text("time, angle_deg, ground_force_x (kN)\n" + text)
-    # A pure cosine: what scatters is rounding.
+    # A pure cosine does not scatter. A turn has at least 61 instants, of which order 60 folds.
     (one,) = read_measured(path, unit_of, 1)
     assert one.quantity == "ground_force_x" and one.speed == pytest.approx(30.0)
     assert one.amplitude == pytest.approx(1e3) and one.phase == pytest.approx(1.0)
-    assert 0 < one.sigma < 1e-9
-    with pytest.raises(ValueError, match="`orders` must be less than half of a turn's instants"):
-        read_measured(path, unit_of, 40)
+    # The half turn at the end moves the mean by 0.05.
+    assert one.sigma == pytest.approx(1e3 / 60**2, rel=0.05**2)
+    with pytest.raises(ValueError, match=r"`orders` must be .* lower ones, but is 15 of 61 insta"):
+        read_measured(path, unit_of, 15)
+
+
+def test_orders_that_fold_are_told_or_refused():
+    """Of 8 instants a turn cos(7 theta) is cos(theta), and no turn scatters by it."""
+
+    def seen(instants, orders):
+        angle = np.arange(10 * instants + 1) * 2 * np.pi / instants
+        columns = {"time": angle / 30, "angle": angle}
+        columns["v"] = np.cos(angle) + 0.5 * np.cos(7 * angle)
+        return of_series(columns, lambda _: "1", orders)
+
+    with pytest.raises(ValueError, match=r"`orders` must be less than a quarter of a turn's inst"):
+        seen(8, 3)
+    # It folds onto 1 of every second instant, and of all it does not: 0.5, in two parts.
+    first, second, _ = seen(16, 3)
+    assert first.amplitude == pytest.approx(1.0, rel=1e-12)
+    assert first.sigma == pytest.approx(0.5 / np.sqrt(2), rel=1e-12)
+    # Orders 14 and 15, if they were as a square falls from the whole.
+    assert second.sigma == pytest.approx(np.hypot(1, 0.5) / 14**2, rel=1e-2)
 
 
 def test_a_mean_has_no_phase():

@@ -113,6 +113,7 @@ def _rms(scene):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("promoting")
 @pytest.mark.filterwarnings("error")
 def test_a_law_with_casts_and_whole_numbers_agrees_with_diffrax():
     load = Stepped(jnp.asarray(12239.0), jnp.asarray(10))

@@ -14,6 +14,8 @@ from jaxcrusher.lanes.primitives import ELEMENTWISE
 from jaxcrusher.lanes.verify import verified
 from tests.lanes.rows import run
 
+pytestmark = pytest.mark.usefixtures("promoting")
+
 SPECIAL = [np.nan, np.inf, -np.inf, 0.0, -0.0, 1.0]
 
 # Of a number of the design p, the time t and two states: every primitive of the table, each alone,

@@ -28,7 +28,7 @@ from jaxcrusher.mechanism.reductions import summit
 from tests.basics.test_setup import python
 
 SEGMENTS, INSTANTS = 3, 20
-TIMES = jnp.arange(SEGMENTS)[:, None] + jnp.arange(1, INSTANTS + 1) / INSTANTS
+TIMES = jnp.arange(float(SEGMENTS))[:, None] + jnp.arange(1, INSTANTS + 1)[None] / INSTANTS
 
 
 class Swing(eqx.Module):

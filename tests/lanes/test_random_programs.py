@@ -14,6 +14,8 @@ from jaxcrusher.lanes.primitives import ALONG_AXES, ELEMENTWISE, type_of
 from jaxcrusher.lanes.verify import verified
 from tests.lanes.rows import run
 
+pytestmark = pytest.mark.usefixtures("promoting")
+
 # A time, two states, and three numbers of the design.
 TYPES = {"t": float, "x": float, "y": float, "p": float, "n": int, "b": bool}
 # Programs in a module, and the modules' seeds, which together meet all primitives: a module costs a

@@ -15,6 +15,8 @@ from jaxcrusher.lanes.machine import load
 from jaxcrusher.lanes.verify import Unsupported, verified
 from jaxcrusher.mechanism.reductions import top
 
+pytestmark = pytest.mark.usefixtures("promoting")
+
 # Of a series x, one of pairs y, and the state z at the end.
 REDUCTIONS = {
     "max": lambda x, y, z: jnp.max(x),

@@ -7,6 +7,8 @@ import pytest
 
 from jaxcrusher.lanes.verify import Unsupported, verified
 
+pytestmark = pytest.mark.usefixtures("promoting")
+
 ONES, SINGLE = jnp.ones(3), jnp.ones(2, jnp.float32)
 REFUSED = {
     "the type `float32` of `convert_element_type`": lambda x, n: x.astype(jnp.float32) * 1.0,

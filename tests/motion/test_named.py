@@ -34,7 +34,7 @@ def test_a_displacement_begins_at_zero():
     motion = jc.simulate(jc.ideal_scene(30.0), [0.0, 0.05, 0.1], outputs=("jaw_position",))
     moved = np.asarray(motion.jaw_displacement)
     assert (moved[0] == 0).all() and (moved[1] != 0).all()
-    np.testing.assert_array_equal(moved, motion.jaw_position - motion.jaw_position[0])
+    np.testing.assert_array_equal(moved, motion.jaw_position - motion.jaw_position[:1])
 
 
 def test_print_shows_numbers_and_units(results):
@@ -80,6 +80,14 @@ def test_what_was_not_asked_for_says_so(results):
             getattr(result, name)
     # An ideal joint has no contact of which something could be missing.
     assert summary.validity.verdict() == "inside the contact model"
+
+
+def test_a_linkage_offers_nothing_that_is_made_of_a_crusher_s():
+    motion = jc.simulate(jc.read_scene("examples/four_bar.toml"), [0.0], outputs=("drive_power",))
+    for name in ("jaw_displacement", "contact_fraction"):
+        assert name not in dir(motion) and not hasattr(motion, name)
+        with pytest.raises(AttributeError, match=f"^There is no `{name}`, but drive_power"):
+            getattr(motion, name)
 
 
 def test_results_are_pytrees_that_can_be_copied_and_kept(results):

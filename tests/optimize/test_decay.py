@@ -73,7 +73,7 @@ def test_the_tolerance_resolves_a_decay():
     for rtol in (decay.RTOL, 1e-11):
         points, success = run((beside, scene), turns=TURNS, rtol=rtol)
         assert success
-        rates.append(measured(np.asarray(points - section)[:, :2], 0.0).rate)
+        rates.append(measured(np.asarray(points - section[None])[:, :2], 0.0).rate)
     assert 1e-4 < rates[1] and rates[0] == pytest.approx(rates[1], rel=0.03)
 
 

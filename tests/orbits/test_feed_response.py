@@ -55,7 +55,7 @@ def waved(modes, order):
     """(x, x', w) exp(-i order theta) at the nodes."""
     found = modes.responses(jnp.asarray(order), np.zeros(1))[:, :, 0]
     return np.asarray(
-        resample(found.real, RESPONSE_NODES) + 1j * resample(found.imag, RESPONSE_NODES)
+        jax.lax.complex(*(resample(part, RESPONSE_NODES) for part in (found.real, found.imag)))
     )
 
 

@@ -213,7 +213,7 @@ def test_a_state_of_the_orbit_and_harmonics_of_supports(joint, size):
     orbit = orbit_of(joint=joint)
     assert orbit.eccentricity.shape[1] == size
     np.testing.assert_allclose(flat(orbit.state(), orbit.scene), orbit.section, rtol=1e-12)
-    seen = orbit.motion(ANGLES)
+    seen = {name: np.asarray(value) for name, value in orbit.motion(ANGLES).items()}
     np.testing.assert_allclose(
         seen["left_force"] + seen["right_force"], seen["transmitted_force"], rtol=1e-12
     )

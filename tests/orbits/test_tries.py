@@ -225,7 +225,7 @@ class Swinging(FromRest):
 
     def piece(self, state):
         grown = np.exp(self.growth * np.arange(1, transient.PIECE + 1))[:, None]
-        states = self.states + np.clip((state - self.states[-1]) * grown, -0.5, 0.5)
+        states = self.states + np.clip(np.asarray(state - self.states[-1]) * grown, -0.5, 0.5)
         return jnp.asarray(states), self._ended(transient.PIECE)
 
     def whirls(self, state, most):

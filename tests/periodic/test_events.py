@@ -119,6 +119,6 @@ def test_the_least_penetration_has_second_derivatives():
 def test_the_least_penetration_of_a_pin_at_rest_has_slopes():
     """Moved as a whole it is deeper by the way along its direction, in reverse as forwards."""
     rest = jnp.tile(jnp.array([1.2, -0.9]), (16, 1))
-    moved = lambda by: least_penetrations(rest + by)[0]  # noqa: E731
+    moved = lambda by: least_penetrations(rest + by[None])[0]  # noqa: E731
     for slopes in (jax.grad(moved), jax.jacfwd(moved)):
         np.testing.assert_allclose(slopes(jnp.zeros(2)), [0.8, -0.6], rtol=1e-12)
