@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from jaxcrusher.dynamics.regime import Regime
-from jaxcrusher.dynamics.slopes import GradientReport
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.orbits.load_sheet import Row
 from jaxcrusher.orbits.result import PeriodicOrbit
@@ -113,7 +111,6 @@ class Confirmed:
     crushing: Crushing | None  # None of a linkage that is no crusher
     orbit: Orbit | None  # None: a scene whose orbits cannot be solved for
     transient: dict[str, Runs]  # by start
-    regime: dict[str, Regime] = field(default_factory=dict)  # of starts that do not settle
     coexisting: tuple[Coexisting, ...] = ()  # of random starts, the most frequent first
     follows: dict[str, float] = field(default_factory=dict)  # from the free parameters
 
@@ -256,7 +253,6 @@ class Answer:
     bound: Bound | None = None
     load_sheets: Mapping[str, list[Row]] = field(default_factory=dict)  # of designs with an orbit
     fronts: tuple[Front, ...] = ()
-    gradient_report: GradientReport | None = None  # where the optimum has no orbit
     checks: tuple[Check, ...] = ()
     remark: str = ""
 

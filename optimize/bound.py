@@ -253,7 +253,10 @@ def unbounded(case: Case, maps: Maps, best: Confirmed) -> Bound | None:
     mapped = maps.orbits
     if mapped is None or not mapped.counts.any():
         unsaid = 0 if mapped is None else int((~mapped.counts).sum())
-        statement = "The best of what was tried: no periodic orbits could be mapped."
+        why = "no periodic orbits could be mapped"
+        if not maps.contact:
+            why = "no design that was looked at keeps contact, and so none has an orbit to map"
+        statement = f"The best of what was tried: {why}."
         return Bound(None, None, unsaid, 0.0, statement)
     if not best.settles:
         statement = (

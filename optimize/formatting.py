@@ -12,6 +12,9 @@ from jaxcrusher.scenes.parameters import in_words
 from optimize.answer import Active, Answer, Confirmed, Runs
 from optimize.forces import besides, name_of, opposed, quantity
 
+# A number this near a bound of its box, as a share, is at it: rounding.
+AT_END = 1e-12
+
 
 def number(value: float) -> str:
     """Return a number with five digits, or with all of those before the point."""
@@ -86,11 +89,14 @@ def answer(found: Answer) -> str:
     best, other = found.optimum, found.seed_choice
     if best is None or other is None:
         return f"No design may be chosen: {found.empty}." if found.empty else ""
-    shown = [f"{best.speed:.4g} rad/s ({best.speed * 30 / math.pi:.0f} rpm)"]
+    ends = _ends(found, best)
+    rpm = [f"{best.speed * 30 / math.pi:.0f} rpm", *_at_bound(ends.get("speed"))]
+    shown = [f"{best.speed:.4g} rad/s ({', '.join(rpm)})"]
     if best.crushing is not None:
-        shown.append(f"{1e3 * best.crushing.clearance:.3g} mm of radial clearance")
+        clearance = f"{1e3 * best.crushing.clearance:.3g} mm of radial clearance"
+        shown.append(_with_bound(clearance, ends.get("clearance")))
     shown += [
-        f"{in_words(name)} {said(name, value, found.box.units)}"
+        _with_bound(f"{in_words(name)} {said(name, value, found.box.units)}", ends.get(name))
         for name, value in best.values.items()
         if name not in ("speed", "clearance")
     ]
@@ -104,6 +110,8 @@ def answer(found: Answer) -> str:
         against.append("outside the contact model")
         reasons.append(f"because of {'; '.join(beyond)}")
     place = " with ".join(filter(None, (shown[0], ", ".join(shown[1:]))))
+    if best.crushing is not None and ends.get("speed") == "lowest":
+        place += ", if wear and rock that waits for the jaw, which are not counted, allow it"
     text = f"the best is {place}, " if against else f"Run it at {place}: "
     unit = found.objective.unit
     text += f"{name_of(found.objective.meaning)} {quantity(best.objective, unit)}"
@@ -119,6 +127,27 @@ def answer(found: Answer) -> str:
     before = f"{'; '.join(against)}: " if against else ""
     text = "; ".join([before + text, *reasons])
     return " ".join(filter(None, (trade(found), f"{text[0].upper()}{text[1:]}.")))
+
+
+def _ends(found: Answer, best: Confirmed) -> dict[str, str]:
+    """Return at which end of its box a free number stands, of those that stand at one."""
+    ends = {}
+    for name, bounds in found.box.bounds.items():
+        for bound, words in zip(bounds, ("lowest", "highest"), strict=True):
+            if math.isclose(best.values[name], bound, rel_tol=AT_END, abs_tol=0.0):
+                ends[name] = words
+    return ends | {one.parameter: one.limit for one in found.active}
+
+
+def _at_bound(limit: str | None) -> list[str]:
+    """Say at which end of its box a number stands, or nothing inside it."""
+    if limit == "capacity":
+        return ["where the capacity is at its floor"]
+    return [] if limit is None else [f"the {limit} allowed"]
+
+
+def _with_bound(said: str, limit: str | None) -> str:
+    return " ".join([said, *(f"({words})" for words in _at_bound(limit))])
 
 
 def trade(found: Answer) -> str:

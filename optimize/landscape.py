@@ -28,7 +28,8 @@ class Maps:
     landscape: xr.Dataset
     motions: xr.Dataset  # of the landscape's cells
     points: np.ndarray  # of the map of orbits, (points, n)
-    orbits: xr.Dataset | None  # None: the scenes have none to solve for
+    orbits: xr.Dataset | None  # None: there are none to solve for
+    contact: bool = True  # whether any design keeps contact from a start
 
     @property
     def stable_orbits(self) -> int | None:
@@ -50,6 +51,12 @@ def points(design: Design, grid: tuple[int, int], samples: int, seed: int) -> np
         return qmc.Sobol(count, rng=seed).random(samples)
     axes = [np.linspace(0, 1, cells) for cells in grid[:count]]
     return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=-1)
+
+
+def spread(units: Float[np.ndarray, "points n"], count: int) -> Float[np.ndarray, "some n"]:
+    """Return some of many points, evenly among them: `count`, or all if there are fewer."""
+    places = np.linspace(0, len(units) - 1, min(count, len(units))).round().astype(int)
+    return units[places]
 
 
 def dataset(

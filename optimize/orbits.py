@@ -19,7 +19,7 @@ from optimize import counts
 from optimize.answer import Coexisting, Orbit
 from optimize.case import Case
 from optimize.evaluate import NOWHERE, Rows, Tracking, started
-from optimize.landscape import GRID_DIMENSIONS, labelled
+from optimize.landscape import GRID_DIMENSIONS, labelled, spread
 
 # What a map and result.json keep of an orbit besides its statistics.
 KEPT = ("error", "largest_multiplier", "settling_turns", "least_penetration")
@@ -94,12 +94,20 @@ def solve_map(
     case: Case,
     units: Float[np.ndarray, "points n"],
     cells: tuple[int, int],
+    keeps_contact: Callable[[], bool] = lambda: True,
     tracking: Tracking = NOWHERE,
-) -> xr.Dataset:
+) -> xr.Dataset | None:
     """Return the map of the periodic orbits of a grid's points, or of a sequence's.
 
     Each is tried from the pin at rest; all further ways are where that leads to none that counts.
+    Nodes resolve no impacts. Where some points have no orbit from rest, and no design of the box
+    keeps contact, there is no map. What several loose joints' nodes cost is not spent to see that.
     """
+    if unknowns(case.scene) > 2 and not keeps_contact():
+        return None
+    some = solve(case, spread(units, CHUNK), quick=True)
+    if not some["success"].any() and not keeps_contact():
+        return None
     rows, motions = solve(case, units, quick=True, tracking=tracking), ()
     if not rows["counts"].any():
         count = len(case.design.names)

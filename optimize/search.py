@@ -96,7 +96,7 @@ def _searched(
     yield {"stable_orbits": maps.stable_orbits}
     candidates, part = stages.refine(problem, work, maps)
     yield part
-    best, part = stages.confirm(problem, work, candidates, compared)
+    best, part = stages.confirm(problem, work, maps, candidates, compared)
     yield part
     if best is None:
         return
@@ -105,15 +105,13 @@ def _searched(
     refined, designs = run_concurrently(
         work.stop,
         lambda: stages.refine_map(problem, work, maps, known[0]),
-        lambda: stages.with_coexisting_orbits(problem, work, known),
+        lambda: stages.with_coexisting_orbits(problem, work, maps, known),
     )
-    yield {"optimum": designs[0], "bound": stages.bounded(problem, maps, refined, designs[0])}
-    (best, reference), slopes = stages.with_regimes(problem, work, designs)
+    best, reference = designs
+    yield {"optimum": best, "bound": stages.bounded(problem, maps, refined, best)}
     active, free_slopes = active_constraints(problem.case, best)
     yield {
-        "optimum": best,
         "seed_choice": reference,
-        "gradient_report": slopes,
         "active": active,
         "free_slopes": free_slopes,
         "load_sheets": stages.load_sheets(

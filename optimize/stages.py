@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator, Mapping
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
@@ -13,13 +14,11 @@ import numpy as np
 import xarray as xr
 from rich.progress import Progress as Bars
 
-import jaxcrusher as jc
 from jaxcrusher.batch.engines import default_engine
-from jaxcrusher.dynamics.regime import Regime
-from jaxcrusher.dynamics.slopes import GradientReport
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
+from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.orbits.load_sheet import Row, Site, sheet
 from jaxcrusher.scenes.scene_file import points_of
 from optimize import landscape, local, orbits, smooth
@@ -31,7 +30,7 @@ from optimize.concurrent import Stopped, run_concurrently
 from optimize.confirm import SHIFT, Repeats, confirmed, long_runs
 from optimize.counts import losses
 from optimize.decay import with_decay
-from optimize.evaluate import Tracking, Window, evaluate, judged, started
+from optimize.evaluate import Tracking, Window, evaluate, judged
 from optimize.front import fronts
 from optimize.landscape import Maps
 from optimize.motions import cell_motions
@@ -41,14 +40,15 @@ from optimize.problem import Problem
 MAP_RTOL, CONFIRM_RTOL = 1e-6, 1e-8
 # Confirmation runs last this many times longer than the landscape's.
 LONGER = 3
+# Designs that are looked at before all others: if none of them keeps contact, few or none has an
+# orbit that keeps it, which is what nodes solve for.
+SCOUTS = 16
 # Harmonics of the shaft's speed in a load sheet.
 ORDERS = 4
 # Fields of `Answer` that a stage finds.
 Part = dict[str, Any]
 # By how much less than the optimum the box may hold, as a share of it, unless another is asked.
 WITHIN = 3e-5
-# Turns of the regime of the few designs that matter: settling, section points, exponents.
-REGIME = (60, 200, 20)
 
 
 @dataclass(eq=False)
@@ -87,34 +87,58 @@ def map_box(problem: Problem, work: Work) -> tuple[Maps, Orbit | None]:
     Returns the maps, and the orbit of the design to compare with, which needs none of them: it is
     searched for beside them, with the programs that the confirmation uses again.
     """
-    effort, design = problem.effort, problem.case.design
+    effort, case = problem.effort, problem.case
     cells, points = (
-        landscape.points(design, grid, effort.samples, effort.seed)
+        landscape.points(case.design, grid, effort.samples, effort.seed)
         for grid in (effort.grid, effort.cells)
     )
-    reference = design.unit(problem.searched.reference)
+    reference = case.design.unit(problem.searched.reference)
+    contact: Future[bool] = Future()  # whether any design keeps it
 
     def explore() -> tuple[xr.Dataset, xr.Dataset]:
+        try:
+            contact.set_result(_scouted(problem, work, points))
+        except BaseException as error:
+            contact.set_exception(error)
+            raise
         found = _explore(problem, work, cells)
         import_module("optimize.figures")  # a second, while the map of orbits is computed
         return found
 
     mapped, (data, motions), orbit = run_concurrently(
         work.stop,
-        lambda: _map_orbits(problem, work, points),
+        lambda: _map_orbits(problem, work, points, contact),
         explore,
-        lambda: orbits.orbit_of(problem.case, reference),
+        lambda: orbits.orbit_of(case, reference) if contact.result() else None,
     )
-    return Maps(cells, data, motions, points, mapped), orbit
+    return Maps(cells, data, motions, points, mapped, contact.result()), orbit
 
 
-def _map_orbits(problem: Problem, work: Work, points: np.ndarray) -> xr.Dataset | None:
-    """Map the periodic orbits of unit points; None where the scenes have none to solve for."""
+def _scouted(problem: Problem, work: Work, points: np.ndarray) -> bool:
+    """Tell whether any of some designs, evenly over the box, keeps contact from a start."""
+    case, effort = problem.case, problem.effort
+    some = landscape.spread(points, SCOUTS)
+    with work.stage("scouts", len(landscape.STARTS) * len(some)) as tracking:
+        rows = evaluate(case, some, Window(effort.settle, effort.turns, MAP_RTOL), tracking)
+    shares = [column for name, column in rows.items() if name.endswith("contact_fraction")]
+    return not shares or bool((np.min(shares, axis=0) >= ALL_THE_TIME).any())
+
+
+def _map_orbits(
+    problem: Problem, work: Work, points: np.ndarray, contact: Future[bool]
+) -> xr.Dataset | None:
+    """Map the periodic orbits of unit points; None where there are none to solve for.
+
+    That is so of scenes that cannot be solved for, and of a box in which no scout keeps contact,
+    unless another design has an orbit by nodes all the same.
+    """
     case = problem.case
     if orbits.unsolvable(case):
         return None
     with work.stage("orbits", len(points)) as tracking:
-        data = orbits.solve_map(case, points, problem.effort.cells, tracking)
+        data = orbits.solve_map(case, points, problem.effort.cells, contact.result, tracking)
+    if data is None:
+        return None
     data.attrs = _provenance("Periodic orbits of a design search", problem)
     write_netcdf(work.folder / "orbits.nc", data)
     return data
@@ -225,26 +249,34 @@ class _NoisyObjective:
 
 
 def confirm(
-    problem: Problem, work: Work, candidates: np.ndarray, orbit: Orbit | None
+    problem: Problem, work: Work, maps: Maps, candidates: np.ndarray, orbit: Orbit | None
 ) -> tuple[Confirmed | None, Part]:
     """Run the candidates and the design to compare with for long, several times from each start.
 
-    `orbit` is that of the design to compare with. Returns the best candidate, None where none
-    counts, with `candidates`, `seed_choice`, and why there is no best one.
+    `orbit` is that of the design to compare with, if it is known. Returns the best candidate, None
+    where none counts, with `candidates`, `seed_choice`, and why there is no best one.
     """
     case, (_, repeats) = problem.case, _repeats(problem)
-    points = np.concatenate([candidates, case.design.unit(problem.searched.reference)[None]])
+    reference = case.design.unit(problem.searched.reference)
+    points = np.concatenate([candidates, reference[None]])
+
+    def solved() -> list[Orbit | None]:
+        if maps.orbits is None:
+            return [None] * len(points)
+        ends = [orbits.orbit_of(case, point) for point in candidates]
+        return [*ends, orbit or orbits.orbit_of(case, reference)]
+
     total = len(landscape.STARTS) * len(points) * repeats.runs
     with work.stage("confirmation", total) as tracking:
         runs, found = run_concurrently(
             work.stop,
             lambda: long_runs(case, points, repeats, tracking),
-            lambda: [*(orbits.orbit_of(case, point) for point in candidates), orbit],
+            solved,
         )
-        *ended, reference = [confirmed(case, *of) for of in zip(points, runs, found, strict=True)]
+        *ended, other = [confirmed(case, *of) for of in zip(points, runs, found, strict=True)]
     work.steps["confirmation"] = sum(int(rows["steps"].sum()) for rows in runs)
     best = min((one for one in ended if one.counts), key=lambda one: one.objective, default=None)
-    part: Part = {"candidates": tuple(ended), "seed_choice": reference}
+    part: Part = {"candidates": tuple(ended), "seed_choice": other}
     if best is None and ended:
         rows = {name: np.stack([one[name] for one in runs[:-1]], axis=1) for name in runs[0]}
         capacity = case.capacity(candidates)
@@ -285,14 +317,14 @@ def bounded(problem: Problem, maps: Maps, found: Refined | None, best: Confirmed
 
 
 def with_coexisting_orbits(
-    problem: Problem, work: Work, designs: tuple[Confirmed, Confirmed]
+    problem: Problem, work: Work, maps: Maps, designs: tuple[Confirmed, Confirmed]
 ) -> tuple[Confirmed, Confirmed]:
     """Return two designs with the orbits that random starts come to, and the decay of their runs.
 
     An orbit that is worse than the design's own takes its place in the objective.
     """
     case, (one, other) = problem.case, designs
-    if orbits.unsolvable(case):
+    if maps.orbits is None:
         return designs
     with work.stage("coexisting", 2):
         of_one, of_other, (one, other) = run_concurrently(
@@ -315,53 +347,6 @@ def by_worst_orbit(case: Case, design: Confirmed, found: tuple[Coexisting, ...])
     forces = {name: float(worst.solution[name]) for name in design.forces}
     half_width = orbits.error(case, worst.solution, worst.objective)
     return replace(design, objective=worst.objective, half_width=half_width, forces=forces)
-
-
-def with_regimes(
-    problem: Problem, work: Work, designs: tuple[Confirmed, Confirmed]
-) -> tuple[tuple[Confirmed, Confirmed], GradientReport | None]:
-    """Return two designs with the regimes of starts that do not come to an orbit.
-
-    Where that is true of the first design, the slopes that its motions allow are returned too.
-    """
-    best, other = designs
-    if best.settles and other.settles:
-        return designs, None
-    report = None
-    with work.stage("regimes", 3) as tracking:
-        best, other = _with_regime(problem.case, best), _with_regime(problem.case, other)
-        tracking.progress(2, 3)
-        if not best.settles:
-            report = _slopes(problem, best)
-    return (best, other), report
-
-
-def _with_regime(case: Case, design: Confirmed) -> Confirmed:
-    settle, turns, tangent_turns = REGIME
-    found = {}
-    for start, runs in design.transient.items():
-        if not runs.settles:
-            scene = started(case.design, design.values, start)
-            regime = jc.regime(scene, settle, turns, tangent_turns=tangent_turns)
-            found[start] = _without_motion(regime)
-    return replace(design, regime=found)
-
-
-def _slopes(problem: Problem, best: Confirmed) -> GradientReport:
-    case, effort = problem.case, problem.effort
-    report = jc.gradient_report(
-        lambda **numbers: started(case.design, numbers, "contact"),
-        case.objective.outputs[0],
-        best.values,
-        settle_turns=effort.settle,
-        turns=effort.turns,
-    )
-    return replace(report, regime=_without_motion(report.regime))
-
-
-def _without_motion(regime: Regime) -> Regime:
-    """Return the verdict with its indicators, without the motion that they were computed from."""
-    return replace(regime, statistics=None, state=None)
 
 
 def load_sheets(

@@ -2,6 +2,7 @@
 
 import contextlib
 import logging
+import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,18 +11,59 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
+    Task,
     TaskID,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.text import Text
+
+# Seconds between two lines on work that goes on, where bars cannot move.
+EVERY = 10.0
+
+
+def _begins(task: Task) -> str:
+    """Say what work does of which nothing is done yet: long work compiles its programs first."""
+    return "" if task.completed else "compiling"
+
+
+class _Begins(ProgressColumn):
+    """A word for work of which nothing is done yet."""
+
+    def render(self, task: Task) -> Text:
+        """Return the word."""
+        return Text(_begins(task))
 
 
 class Bars(Progress):
-    """Bars that move in a terminal or a notebook; elsewhere, as in a file, two lines for each.
+    """Bars that move in a terminal or a notebook; elsewhere, as in a file, lines for each.
 
-    They are written at once, when its work begins and when all of it is done.
+    They are written at once: when its work begins, every ten seconds while it goes on, and when all
+    of it is done.
     """
+
+    def start(self) -> None:
+        """Begin to show what is done."""
+        super().start()
+        if self.disable:
+            self._stopped = threading.Event()
+            threading.Thread(target=self._tell, daemon=True).start()
+
+    def stop(self) -> None:
+        """Show no more of what is done."""
+        super().stop()
+        if self.disable:
+            self._stopped.set()
+
+    def _tell(self) -> None:
+        while not self._stopped.wait(EVERY):
+            for task in self.tasks:
+                if not task.finished:
+                    done = _begins(task) or f"{task.completed:g} of {task.total:g}"
+                    line = f"{task.description}: {done}, after {task.elapsed or 0:.0f} s"
+                    self.console.print(line, highlight=False, markup=False)
 
     def add_task(self, description: str, *args: Any, **settings: Any) -> TaskID:
         """Add a bar, with the settings of `rich.progress.Progress`."""
@@ -48,6 +90,7 @@ def progress(console: Console | None = None, *, remaining: bool = True) -> Bars:
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
+        _Begins(),
         TimeRemainingColumn() if remaining else TimeElapsedColumn(),
         console=console,
         disable=not (console.is_terminal or console.is_jupyter),

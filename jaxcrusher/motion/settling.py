@@ -108,7 +108,9 @@ def swing_of(states: Float[Array, "turns dims"], scene: AbstractScene) -> Scalar
 
     def spread(period: int) -> Float[Array, " joints"]:
         whole = pins[len(pins) % period :].reshape(-1, period, *pins.shape[1:])
-        return jnp.sqrt(jnp.mean(jnp.sum((whole - whole.mean(0, keepdims=True)) ** 2, axis=3), axis=(0, 1)))
+        return jnp.sqrt(
+            jnp.mean(jnp.sum((whole - whole.mean(0, keepdims=True)) ** 2, axis=3), axis=(0, 1))
+        )
 
     found = spread(1)
     for period in PERIODS:

@@ -20,13 +20,13 @@ from optimize.table import Table, as_text
 # Names of the stages and of the ways of descent.
 STAGES = {
     "orbits": "map of periodic orbits",
+    "scouts": "some designs over the box",
     "landscape": "both starts over the box",
     "motions": "motions of the cells",
     "refinement": "descents",
     "confirmation": "long runs",
     "bound": "cells halved for the bound",
     "coexisting": "orbits of random starts, decay",
-    "regimes": "regimes and slopes",
     "fronts": "fronts",
 }
 DESCENTS = {"gradient": "exact gradients", "fits": "fits to noisy runs"}
@@ -151,7 +151,7 @@ def checks(found: Answer) -> Table:
 
 def slopes(found: Answer) -> Table | None:
     """Return the slopes at the optimum, in the units of the tables; None where there are none."""
-    best, report, unit = found.optimum, found.gradient_report, found.objective.unit
+    best, unit = found.optimum, found.objective.unit
     if best is not None and best.orbit is not None and best.settles:
         orbit = best.orbit
         rows = []
@@ -165,23 +165,7 @@ def slopes(found: Answer) -> Table | None:
             rows.append(row)
         about = "The slopes on the periodic orbit are exact. Differences of orbits check them."
         return Table.of(rows, about=about)
-    if report is None:
-        return None
-    unit, meaning = found.columns[report.metric]
-    rows = []
-    for slope in report.slopes.values():
-        factor = unit_of(slope.parameter, found.box.units)[1]
-        row = {
-            "by": _per(found, slope.parameter, unit),
-            "slope": slope.value * factor,
-            "standard error": _two(slope.standard_error * factor),
-            "estimator": slope.estimator,
-            "verdict": slope.verdict,
-            "why": "; ".join(slope.reasons),
-        }
-        rows.append(row)
-    about = f"Slopes of the {meaning}, start in contact, {report.regime}."
-    return Table.of(rows, about=about)
+    return None
 
 
 def fronts(found: Answer) -> list[Table]:
@@ -237,7 +221,7 @@ def descents(found: Answer) -> Table:
 def motions(found: Answer) -> Table:
     """Return how each design moves from each start, and how its oscillations decay."""
     rows = [
-        (f"{title}, {start} start", *_motion(runs, design, start))
+        (f"{title}, {start} start", *_motion(runs, design))
         for title, design in found.designs.items()
         for start, runs in design.transient.items()
     ]
@@ -253,11 +237,10 @@ def motions(found: Answer) -> Table:
     return Table(headings, rows)
 
 
-def _motion(runs: Runs, design: Confirmed, start: str) -> Iterable[str]:
+def _motion(runs: Runs, design: Confirmed) -> Iterable[str]:
     swing, orbit = runs.decay, design.orbit
     if not runs.settles or orbit is None:
-        regime = design.regime.get(start)
-        return (regime.name if regime else "not known", *[""] * 5)
+        return ("no orbit; `python -m jaxcrusher regimes` names it", *[""] * 5)
     by_multiplier = f"{100 * rate(orbit):.2g}"
     if swing is None:
         return ("towards the orbit, in contact", "", "", "", by_multiplier, "")

@@ -1,10 +1,12 @@
-"""Progress in a file: a line where work begins, and one where all of it is done."""
+"""Progress in a file: lines where work begins, as it goes on, and where all of it is done."""
 
 import io
 import logging
+import time
 
 from rich.console import Console
 
+import jaxcrusher.files.progress as module
 from jaxcrusher.files.progress import progress, stages
 
 
@@ -34,3 +36,27 @@ def test_stages_are_lines_of_a_file():
         logger.debug("not told")
     logger.info("not told either")
     assert file.getvalue() == "solving\nshooting for a period of 2\n"
+
+
+def test_a_file_is_told_every_few_seconds_how_far_work_is(monkeypatch):
+    """Of work of which nothing is done yet that it compiles, and nothing of what is done."""
+    monkeypatch.setattr(module, "EVERY", 0.02)
+    file = io.StringIO()
+    with progress(Console(file=file)) as bars:
+        done, bar = bars.add_task("scouts", total=1), bars.add_task("orbits", total=3)
+        bars.update(done, completed=1)
+        _wait_for(file, "orbits: compiling, after 0 s\n")
+        bars.update(bar, completed=2)
+        _wait_for(file, "orbits: 2 of 3, after 0 s\n")
+    assert file.getvalue().count("scouts") == 2
+    # It ends with the bars.
+    told = file.getvalue()
+    time.sleep(0.1)
+    assert file.getvalue().count("\n") <= told.count("\n") + 1
+
+
+def _wait_for(file, line):
+    began = time.monotonic()
+    while line not in file.getvalue():
+        assert time.monotonic() - began < 10, file.getvalue()
+        time.sleep(0.01)
