@@ -1,5 +1,6 @@
 """Tables of results: the unit and meaning of every column, the dataset they stand in, and CSV."""
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -34,7 +35,9 @@ def digits(value: float) -> str:
 
 
 def with_scatter(value: float, scatter: float) -> str:
-    """Return a number with its scatter, of which two digits are known."""
+    """Return a number with its scatter, of which two digits are known; NaN is one not known."""
+    if math.isnan(scatter):
+        return digits(value)
     return f"{digits(value)} ± {digits(float(f'{scatter:.2g}'))}"
 
 
