@@ -57,6 +57,16 @@ def all_finite(tree: PyTree) -> Bool[Array, ""]:
     return jnp.all(jnp.array([jnp.all(jnp.isfinite(leaf)) for leaf in jax.tree.leaves(tree)]))
 
 
+def number_in(text: str) -> float:
+    """Return the number that a cell of a table holds; ValueError for a text that is none.
+
+    Python reads 1_0 as ten, and no other program does.
+    """
+    if "_" in text:
+        raise ValueError(f"{text!r} is no number")
+    return float(text)
+
+
 def require(condition: bool | np.bool, name: str, must: str, value: object) -> None:
     """Raise the one-line error of this package unless `condition` holds."""
     if not condition:

@@ -1,7 +1,7 @@
 """`python -m jaxcrusher bearing`: what the bearings of a crusher stand, side by side."""
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,11 @@ from jaxcrusher.commands.crushers import (
     read_axes,
     read_crusher,
     settings_of,
+    variants_of,
     write_dataset,
 )
 from jaxcrusher.commands.options import Bearing
 from jaxcrusher.crusher.machine import LETTERS
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
@@ -32,6 +32,7 @@ from jaxcrusher.joint.rollers import (
     RollerBearing,
     clearance_class,
 )
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.bearing_sheet import (
     COLUMNS,
     NUMBERS,
@@ -46,8 +47,6 @@ from jaxcrusher.scenes.plausibility import remarks
 
 # Unit -> that of the screen, and how many of it the first is.
 SHOWN = {"N": ("kN", 1e-3), "Pa": ("GPa", 1e-9), "W": ("kW", 1e-3), "h": ("h", 1.0)}
-# What is assumed where nobody measured it, and what an impact rests on.
-ASSUMED = ("load_edge", "rollers.damping")
 SAFETY, LIFE = 3.0, 20e3
 ADVICE = (
     f"Roller bearings under shocks are asked for a static safety of {SAFETY:g} or more, and "
@@ -70,7 +69,7 @@ def run(options: Bearing, console: Console) -> int:
     settings = settings_of("bearing", values, over=axes, **numbers)
     folder = begin_beside(options.results.folder, settings, "bearing.csv")
 
-    def ended(cases: Sequence[tuple[str, Scene]]) -> dict[int, tuple[str, Turns]]:
+    def ended(cases: Sequence[tuple[str, AbstractScene]]) -> dict[int, tuple[str, Turns]]:
         """Run crushers; say why some fail, and return the others by their place."""
         how = {"settle": options.settle, "turns": options.turns}
         runs = []
@@ -101,7 +100,7 @@ def run(options: Bearing, console: Console) -> int:
         console.print(line)
     if (lost := float(kept.impacts.sel(bearing="main")[0])) and np.isfinite(lost):
         place, (first, _) = next(iter(by_place.items()))
-        variants, refused = variants_of({**values, **designs[place]}, units)
+        variants, refused = variants_of(machine, {**values, **designs[place]}, units)
         for line in refused:
             console.print(line)
         if variants:
@@ -132,22 +131,6 @@ def verdicts(kept: xr.Dataset) -> list[str]:
         ]
         lines.append(f"Bearing A{', ' * bool(design)}{design}: {'; '.join(passed) or 'no limit'}.")
     return lines
-
-
-def variants_of(
-    base: Mapping[str, Any], units: dict[str, str]
-) -> tuple[dict[str, Scene], list[str]]:
-    """Return scenes with half and twice of what is assumed, and say which of them cannot be."""
-    scenes, refused = {}, []
-    for name, factor in itertools.product(ASSUMED, (0.5, 2.0)):
-        if base.get(name):
-            value = factor * base[name]
-            title = all_said({name: value}, units)
-            try:
-                scenes[title] = jc.build_scene({**base, name: value})
-            except ValueError as error:
-                refused.append(f"Without {title}: {error}")
-    return scenes, refused
 
 
 def clearances(found: list[tuple[str, Turns]]) -> list[str]:

@@ -1,8 +1,11 @@
 """The crushers and grids that a command line names, in SI units, and what results are kept by."""
 
+import itertools
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 import xarray as xr
 
@@ -11,12 +14,17 @@ from jaxcrusher.commands.options import Crusher, Ranges
 from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.described import Described, described
+from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.own_laws import is_own, with_digests
 from jaxcrusher.scenes.parameters import CHOICES
 from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_defaults, tell_unusual
 from jaxcrusher.scenes.scene_file import key_of, naming, read_range, require_moving
+
+# What is assumed where nobody measured it, and what an impact rests on besides restitution.
+ASSUMED = ("load_edge", "rollers.damping")
 
 
 def read_machine(crusher: Crusher) -> Described:
@@ -47,6 +55,30 @@ def read_crusher(crusher: Crusher) -> Described:
 def borrowed_by(crusher: Crusher, found: Described) -> list[str]:
     """Return which numbers of a crusher its scene file leaves to the PE250x400; none without."""
     return [] if crusher.scene is None or found.make is not None else borrowed(found.given)
+
+
+def variants_of(
+    found: Described, values: Mapping[str, Any], units: Mapping[str, str]
+) -> tuple[dict[str, AbstractScene], list[str]]:
+    """Return scenes with half and twice of what is assumed, and say which of them cannot be.
+
+    Of a coefficient of restitution they have half and twice of what an impact loses: 0.95 and 0.8
+    for 0.9. A number that the scene does not use, as that of steel beside rollers, has no variants.
+    """
+    base, scenes, refused = found.build(dict(values)), {}, []
+    losses = [name for name in values if name.rpartition(".")[2] == "restitution"]
+    for name, factor in itertools.product((*ASSUMED, *losses), (0.5, 2.0)):
+        if not (given := values.get(name)):
+            continue
+        value = 1 - factor * (1 - given) if name in losses else factor * given
+        title = all_said({name: value}, units)
+        try:
+            scene = found.build({**values, name: value})
+        except ValueError as error:
+            refused.append(f"Without {title}: {error}")
+        else:
+            scenes |= {} if eqx.tree_equal(base, scene) else {title: scene}
+    return scenes, refused
 
 
 def settings_of(command: str, values: dict[str, Any], **numbers: Any) -> dict[str, Any]:

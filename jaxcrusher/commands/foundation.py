@@ -3,7 +3,7 @@
 import base64
 import dataclasses
 import datetime
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
-from jaxcrusher.commands.crushers import borrowed_by, read_machine, settings_of
+from jaxcrusher.commands.crushers import borrowed_by, read_machine, settings_of, variants_of
 from jaxcrusher.commands.options import Crusher, Foundation
 from jaxcrusher.crusher.capacity import stroke, stroke_ratio
 from jaxcrusher.crusher.scene import Scene
@@ -31,17 +31,26 @@ from jaxcrusher.files.table import digits, with_scatter
 from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.supports import Clamped
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
 from jaxcrusher.orbits.load_sheet import (
+    AMPLIFIED,
+    MATTERS,
     MOVING,
     Row,
     Site,
     beside,
+    between,
     joint_states,
+    knocks,
+    loses_contact,
+    moving_rms,
     quantities_of,
     running_frequency,
     sheet,
+    static_loads,
 )
+from jaxcrusher.orbits.natural_modes import amplification
 from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.build import build_chamber
@@ -52,12 +61,21 @@ from jaxcrusher.scenes.scene_file import points_of, quantity_in, read_range
 
 TITLE = "Load sheet of a machine's foundation"
 FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")
-# Statistic -> its name in the picture; of a clamped frame the first alone.
-CURVES = {"shaking_rms": "shaking force", "transmitted_rms": "force on the ground"}
+# RMS -> its name, colour and mark in the picture; of a clamped frame the first alone.
+CURVES = {
+    "exciting_rms": ("exciting force", "C0", "o"),
+    "transmitted_rms": ("force on the ground", "C1", "s"),
+}
 PAGE = Path(__file__).with_name("load_sheet.html")
 SIGNS = (
-    "Forces are those on the ground: x to the right, y up, moments counterclockwise. Harmonics are "
-    "A cos(k theta + phi) of the shaft angle theta at mean speed, 0 where the eccentric is at +x."
+    "Forces are those on the frame and on the ground: x to the right, y up, moments "
+    "counterclockwise. Harmonics are A cos(k theta + phi) of the shaft angle theta at mean speed, "
+    "0 where the eccentric is at +x. An exciting force is that on a frame at rest, less its mean, "
+    "and belongs into a model that has the machine's whole mass."
+)
+RESONANCE = (
+    "A mode is in resonance with an order near its natural frequency if it amplifies that order "
+    f"{AMPLIFIED:g} times or more, and makes {100 * MATTERS:g} % or more of the block's RMS speed."
 )
 FACTOR = "The dynamic factor counts what moves; 3 is the fatigue factor of DIN 4024-1, from memory."
 
@@ -83,28 +101,42 @@ def run(options: Foundation, console: Console) -> int:
         orbit = jc.periodic_orbit(quiet(scene))
         require(bool(orbit.success), "scene", "have an orbit with ideal joints", orbit.failure)
         rows, turns = sheet(orbit, options.orders, site), None
+    loose, varied = {}, ""
     if not scene.is_ideal:
+        seen = quantities_of(scene)
+
+        def run_of(one: AbstractScene, seconds: float) -> Turns:
+            return run_turns(one, seen, settle=options.settle, turns=options.turns, seconds=seconds)
+
         with stages(console, "loose joints"):
-            turns = run_turns(
-                scene,
-                quantities_of(scene),
-                settle=options.settle,
-                turns=options.turns,
-                seconds=options.seconds,
-            )
+            turns = run_of(scene, options.seconds)
         if not turns.failure:
-            rows = beside(sheet(turns, options.orders, site), rows)
+            rows, loose = beside(sheet(turns, options.orders, site), rows), moving_rms(turns)
+        if not turns.failure and loses_contact(turns):
+            scenes, refused = variants_of(found, values, found.units)
+            runs = {}
+            for title, other in scenes.items():
+                with stages(console, title):
+                    runs[title] = run_of(other, options.seconds / (2 * len(scenes)))
+            refused += [f"Without {t}: {run.failure}" for t, run in runs.items() if run.failure]
+            runs = {title: run for title, run in runs.items() if not run.failure}
+            rows = between(rows, [static_loads(run, site) for run in runs.values()])
+            varied = " ".join([ranges(list(runs)), *refused])
     speeds = np.linspace(low, high, options.points)
     with console.status("run-up"):
         curves = run_up(scene, speeds)
     head = heading(found, options.crusher, turns)
+    if varied and turns is not None:
+        head["equivalent loads"] = varied
+        head["knocks"] = knocks(turns, rows, options.orders)
     write_table(folder / "sheet.csv", [asdict(row) for row in rows])
     write_json(
         folder / "sheet.json",
         provenance("Load sheet of a foundation", scene=values)
-        | {"rows": [asdict(row) for row in rows], "speed": speeds, "about": head, **curves},
+        | {"rows": [asdict(row) for row in rows], "speed": speeds, "about": head, **curves}
+        | {f"loose_{name}": values for name, values in loose.items()},
     )
-    draw(scene, speeds, curves, folder / "run_up.png")
+    draw(scene, speeds, curves, loose, folder / "run_up.png")
     picture = base64.b64encode((folder / "run_up.png").read_bytes()).decode()
     write_text(folder / "sheet.html", page(scene, rows, head, picture))
     console.print(TITLE)
@@ -116,7 +148,7 @@ def run(options: Foundation, console: Console) -> int:
     if scene.supports is None:
         console.print("The frame is clamped: foundation.mass puts it on supports.")
     else:
-        console.print(f"Zones of {SOURCE}.")
+        console.print(f"{RESONANCE} Zones of {SOURCE}.")
     console.print(listed(folder, FILES[:3]))
     return 1 if turns is not None and turns.failure else 0
 
@@ -174,10 +206,16 @@ def heading(found: Described, crusher: Crusher, turns: Turns | None) -> dict[str
     elif turns is not None:
         head["loose joints"] = (
             f"{turns.pieces} turns after {turns.settled}; ideal | loose ± standard error, of peaks "
-            "± standard deviation of the turns' peaks. Impacts rest on the edge of the load and on "
-            "damping, which are assumed: `python -m jaxcrusher bearing` has half and twice of them"
+            "± standard deviation of the turns' peaks"
         )
     return head
+
+
+def ranges(titles: Sequence[str]) -> str:
+    """Say over what the equivalent loads of a machine that knocks have a range."""
+    rests = "impacts rest on the edge of the load and on damping, which are assumed"
+    over = f"in brackets is the range over {', '.join(titles)}"
+    return f"{rests}; {over if titles else 'the scene has no number of either to be varied'}"
 
 
 def _crushing(scene: Scene, values: dict[str, Any]) -> str:
@@ -213,40 +251,61 @@ def quiet(scene: AbstractScene) -> AbstractScene:
 def run_up(scene: AbstractScene, speeds: np.ndarray) -> dict[str, np.ndarray]:
     """Return the RMS of what shakes over the speed with ideal joints, N.
 
-    These have an orbit at every speed, and shake as a quiet motion with clearance does.
+    These have an orbit at every speed, and shake as a quiet motion with clearance does. A frame on
+    supports is excited as one at rest shakes.
     """
-    names = [name for name in CURVES if name != "transmitted_rms" or scene.supports is not None]
-    still = quiet(scene)
+    still, supports = quiet(scene), scene.supports
+    held, loads = still, list(CURVES)[:1]
+    if supports is not None:
+        held, loads = dataclasses.replace(still, foundation=Clamped(supports.point)), list(CURVES)
 
     @eqx.filter_jit
-    def at(speed: Scalar) -> Array:
-        orbit = jc.periodic_orbit(eqx.tree_at(lambda s: s.drive.speed, still, speed), nodes=NODES)
-        return jnp.stack([orbit[name] for name in names])
+    def at(speed: Scalar) -> list[Array]:
+        forces = []
+        for one, name in ((held, "shaking_rms"), (still, "transmitted_rms"))[: len(loads)]:
+            turning = eqx.tree_at(lambda s: s.drive.speed, one, speed)
+            forces.append(jc.periodic_orbit(turning, nodes=NODES)[name])
+        return forces
 
     forces = np.array([at(jnp.asarray(speed)) for speed in speeds])
-    return dict(zip(names, forces.T, strict=True))
+    return dict(zip(loads, forces.T, strict=True))
 
 
 def draw(
-    scene: AbstractScene, speeds: np.ndarray, curves: dict[str, np.ndarray], path: Path
+    scene: AbstractScene,
+    speeds: np.ndarray,
+    curves: Mapping[str, np.ndarray],
+    loose: Mapping[str, np.ndarray],
+    path: Path,
 ) -> None:
-    """Draw what shakes over the speed, with the speeds whose harmonics meet a natural frequency."""
-    fig, ax = plt.subplots(figsize=(4.4, 3.2))
-    minutes = 30 / np.pi * speeds
+    """Draw what shakes over the speed, and the speeds whose harmonics meet a natural frequency.
+
+    `curves` (N) are of ideal joints. `loose` has the turns of a run with loose joints at the
+    running speed: their mean and their standard deviation are drawn. A mode that is damped too well
+    to amplify anything has no speed of its own.
+    """
+    fig, ax = plt.subplots(figsize=(4.4, 3.6), layout="constrained")
+    minutes, running = 30 / np.pi * speeds, 60 * running_frequency(scene)
     for name, values in curves.items():
-        ax.plot(minutes, 1e-3 * values, label=f"RMS of the {CURVES[name]}")
-    ax.axvline(60 * running_frequency(scene), color="0.3", lw=0.8, label="running speed")
+        words, colour, _ = CURVES[name]
+        ax.plot(minutes, 1e-3 * values, color=colour, label=f"{words}, ideal")
+    for name, values in loose.items():
+        words, colour, mark = CURVES[name]
+        mean, scatter = 1e-3 * values.mean(), 1e-3 * values.std(ddof=1)
+        style = {"color": colour, "fmt": mark, "mfc": "none", "ms": 5, "capsize": 3}
+        ax.errorbar(running, mean, scatter, **style, label=f"{words}, loose ± scatter")
+    ax.axvline(running, color="0.3", lw=0.8, label="running speed")
     if scene.supports is not None:
-        for frequency in jc.natural_modes(scene).frequency.values:
+        modes = jc.natural_modes(scene)
+        both = zip(modes.frequency.values, modes.damping_ratio.values, strict=True)
+        for frequency in [f for f, ratio in both if amplification(1.0, ratio) >= AMPLIFIED]:
             for order, style in ((1, "-"), (2, ":")):
                 critical = 60 * frequency / order
                 if minutes[0] <= critical <= minutes[-1]:
                     ax.axvline(critical, color="C3", ls=style, lw=0.8)
-    ax.set(xlabel="shaft speed, rpm", ylabel="force, kN", xlim=(minutes[0], minutes[-1]))
-    ax.set_title("ideal joints", fontsize=8)
-    ax.set_ylim(bottom=0)
-    ax.legend(fontsize=8)
-    fig.tight_layout()
+    ax.set(xlabel="shaft speed, rpm", ylabel="RMS of what moves, kN")
+    ax.set(xlim=(minutes[0], minutes[-1]), ylim=(0, None))
+    fig.legend(fontsize=7, ncols=2, loc="outside upper center")
     write_figure(path, fig, dpi=200)
 
 
@@ -262,18 +321,21 @@ def _seen(value: float, least: float) -> float:
 
 
 def _amount(row: Row, largest: float) -> str:
-    """Return a number with its scatter and phase, and that of ideal joints where it differs.
+    """Return a number with scatter, phase and range, and that of ideal joints where it differs.
 
     Nothing is seen below half of a thousandth of the unit, or of the `largest` of a small machine;
-    a millionth of the unit is rounding.
+    a millionth of the unit is rounding. Of a share nothing is seen below half of a thousandth.
     """
-    least = 5e-4 * float(np.clip(largest, 1e-6, 1.0))
+    least = 0.05 if row.unit == "%" else 5e-4 * float(np.clip(largest, 1e-6, 1.0))
     value, ideal = _number(row.value, least), _number(row.ideal, least)
+    low, high = _number(row.lowest, least), _number(row.highest, least)
     before = "" if ideal in ("", value) else f"{ideal} | "
-    if row.scatter != "" and float(row.scatter) > 1e-4 * abs(row.value):
-        value = with_scatter(_seen(row.value, least), _seen(float(row.scatter), least))
+    scatter = 0.0 if row.scatter == "" else _seen(float(row.scatter), least)
+    if scatter > 1e-4 * abs(row.value):
+        value = with_scatter(_seen(row.value, least), scatter)
     phase = "" if isinstance(row.phase_rad, str) else f" at {np.degrees(row.phase_rad):z.0f}°"
-    return f"{before}{value}{phase if value != '0' else ''}"
+    reach = f" ({low} to {high})" if low else ""
+    return f"{before}{value}{phase if value != '0' else ''}{reach}"
 
 
 def grids(rows: Sequence[Row]) -> dict[str, list[tuple[str, ...]]]:
@@ -287,12 +349,21 @@ def grids(rows: Sequence[Row]) -> dict[str, list[tuple[str, ...]]]:
         inside = [row for row in rows if row.part == part]
         orders = list(dict.fromkeys(row.order for row in inside))
         named = [order if isinstance(order, str) else f"order {order:g}" for order in orders]
+        # A column that is a share has its unit in its heading.
+        shares = {row.order for row in inside if row.unit == "%"}
+        named = [f"{n}, %" if o in shares else n for n, o in zip(named, orders, strict=True)]
         lines = [("", "unit", *named, "")] if any(named) else []
+        largest = {
+            unit: max(abs(row.value) for row in inside if row.unit == unit)
+            for unit in {row.unit for row in inside}
+        }
         for name in dict.fromkeys(row.name for row in inside):
             own = {row.order: row for row in inside if row.name == name}
             unit = next(iter(own.values())).unit
-            largest = max(abs(row.value) for row in inside if row.unit == unit)
-            amounts = [_amount(own[order], largest) if order in own else "" for order in orders]
+            amounts = [
+                _amount(own[order], largest[own[order].unit]) if order in own else ""
+                for order in orders
+            ]
             remarks = "; ".join(row.remark for row in own.values() if row.remark)
             lines.append((name, unit, *amounts, remarks))
         found[part] = lines
@@ -319,6 +390,7 @@ def page(scene: AbstractScene, rows: Sequence[Row], head: dict[str, str], pictur
             picture=picture,
             signs=f"{SIGNS} {FACTOR}",
             source="" if scene.supports is None else SOURCE,
+            resonance=RESONANCE,
             made=provenance("")["source"],
         )
     )

@@ -226,9 +226,11 @@ class Foundation:
     turns: int = 40
     """Turns of the loose machine that the sheet has, in steps of five."""
     seconds: float = 35.0
-    """Time that the run may take; the sheet says how many turns it had."""
+    """Time that the run may take; the sheet says how many turns it had. Runs with half and twice of
+    what impacts rest on may take half of it besides."""
     resonance: tuple[float, float] = (0.7, 1.3)
-    """Times each order of the shaft between which a natural frequency is in resonance."""
+    """Times each order of the shaft between which it is judged whether a natural frequency is in
+    resonance."""
     dynamic_factor: float = 3.0
     """Of the equivalent static loads: what moves counts so often."""
     run_up: str = "10 s"

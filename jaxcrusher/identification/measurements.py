@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from jaxcrusher.basics.checks import require, require_positive, require_whole
+from jaxcrusher.basics.checks import number_in, require, require_positive, require_whole
 from jaxcrusher.scenes.scene_file import quantity_in
 
 # Returns the SI unit of a quantity; ValueError for an unknown one.
@@ -117,7 +117,7 @@ def read_measured(
         try:
             require(len(row) in (0, len(names)), "row", f"have {len(names)} cells", len(row))
             if is_series and row:
-                series.append([size * float(row[i]) for i, (_, size) in enumerate(header)])
+                series.append([size * number_in(row[i]) for i, (_, size) in enumerate(header)])
             elif row:
                 found.append(_of_row(dict(zip(names, row, strict=True)), dict(header), unit_of))
         except ValueError as error:
@@ -135,12 +135,12 @@ def _of_row(row: Mapping[str, str], sizes: Mapping[str, float], unit_of: UnitOf)
     """Return the measurement of a row of a table, whose columns have units of some sizes."""
     size = _size(row.get("unit", ""), unit_of(row["quantity"]))
     return Measurement(
-        sizes["speed"] * float(row["speed"]),
+        sizes["speed"] * number_in(row["speed"]),
         row["quantity"],
         int(row["order"]) if row["order"].isdecimal() else row["order"],
-        size * float(row["amplitude"]),
-        size * float(row["sigma"]),
-        sizes.get("phase", 1.0) * float(row.get("phase") or "nan"),
+        size * number_in(row["amplitude"]),
+        size * number_in(row["sigma"]),
+        sizes.get("phase", 1.0) * number_in(row.get("phase") or "nan"),
     )
 
 

@@ -13,6 +13,7 @@ from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, OfPart, Snapshot
 from jaxcrusher.mechanism.supports import OnSupports
+from jaxcrusher.mechanism.topology import FRAME
 
 # Smooths a length where it vanishes: a share of what a machine's own size and speed make of it, so
 # that numbers of a small machine are right as those of a large one.
@@ -85,14 +86,26 @@ def ground_moment(s: Snapshot, scene: AbstractScene) -> Scalar:
     C. A load and its reaction on the frame lie in one line and add nothing, nor does a drive that
     stands on the frame.
     """
-    point = Vector(0.0, 0.0) if scene.foundation is None else scene.foundation.point
     fall = Vector(0.0, -scene.linkage.gravity)
     fall = fall if s.frame is None else fall.seen_from(s.frame.axis)
+    spin_ups = s.accelerations.spin_ups.at
+    return _moment(s, scene, fall, _momentum_rates(s, scene), spin_ups)
+
+
+def _moment(
+    s: Snapshot,
+    scene: AbstractScene,
+    fall: Vector,
+    rates: list[tuple[str, Vector]],
+    spin_up: Callable[[str], Scalar],
+) -> Scalar:
+    """Return the sum of (r - p) x (m fall - rate) - J spin_up, N m."""
+    point = Vector(0.0, 0.0) if scene.foundation is None else scene.foundation.point
     total = jnp.zeros_like(s.motion.crank.speed)
-    for name, rate in _momentum_rates(s, scene):
-        body, spin_up = scene.linkage.body(name), s.accelerations.spin_ups.at(name)
+    for name, rate in rates:
+        body = scene.linkage.body(name)
         force = body.mass * fall - rate
-        total = total + (s.motion.centre(name) - point).cross(force) - body.inertia * spin_up
+        total = total + (s.motion.centre(name) - point).cross(force) - body.inertia * spin_up(name)
     return total
 
 
@@ -204,6 +217,41 @@ def transmitted_force(s: Snapshot, scene: AbstractScene) -> Vector:
     return left + right
 
 
+def _past_frame(s: Snapshot, scene: AbstractScene) -> list[tuple[str, Vector]]:
+    """Return mass times acceleration past the frame of each body, in the frame's axes, N."""
+    frame, foundation = _on_supports(s, scene, "exciting_force")
+    origin, spin_up = s.accelerations.centres.at(FRAME), s.accelerations.spin_ups.at(FRAME)
+    found = []
+    for name, rate in _momentum_rates(s, scene):
+        arm, velocity = s.motion.centre(name) - foundation.point, s.motion.centre_velocity(name)
+        # Of the point of the frame where the body is, and Coriolis'.
+        carried = origin + spin_up * arm.perp() - frame.spin**2 * arm
+        carried = carried + 2 * frame.spin * velocity.perp()
+        found.append((name, rate - scene.linkage.body(name).mass * carried))
+    return found
+
+
+def exciting_force(s: Snapshot, scene: AbstractScene) -> Vector:
+    """Return -sum of m a of the bodies' motion past the frame, N: the force on a frame at rest.
+
+    With a_i = a_G + (what turning with the frame adds) + (the acceleration past the frame) Newton's
+    law for frame and bodies together has the first two terms in the mass matrix of the whole
+    machine on its block. What is left is this force, by which that model is excited. It has no
+    weight, whose mean the springs carry.
+    """
+    one, *others = (rate for _, rate in _past_frame(s, scene))
+    return -sum(others, one)
+
+
+def exciting_moment(s: Snapshot, scene: AbstractScene) -> Scalar:
+    """Return the moment about G that excites a frame, N m, as `exciting_force` does.
+
+    Weights that the mechanism moves to and fro are in it, on a frame that stands as drawn.
+    """
+    fall = Vector(0.0, -scene.linkage.gravity)
+    return _moment(s, scene, fall, _past_frame(s, scene), s.accelerations.past_frame)
+
+
 def frame_displacement(s: Snapshot, scene: AbstractScene) -> Vector:
     """Return the displacement of G from where the frame is drawn, m."""
     return _on_supports(s, scene, "frame_displacement")[0].displacement
@@ -254,8 +302,8 @@ def observables_at(joint: str, place: str) -> dict[str, Observable]:
 # Of the machine as a whole.
 OF_MACHINE = {
     "shaking_force": Observable(shaking_force, "N", "shaking force"),
-    "ground_force": Observable(ground_force, "N", "force on the ground"),
-    "ground_moment": Observable(ground_moment, "N m", "moment on the ground"),
+    "ground_force": Observable(ground_force, "N", "force of the bodies on the frame"),
+    "ground_moment": Observable(ground_moment, "N m", "moment of the bodies on the frame"),
     "drive_torque": Observable(drive_torque, "N m", "drive torque"),
     "drive_power": Observable(drive_power, "W", "drive power"),
     "constraint_residual": Observable(constraint_residual, "m", "largest constraint residual"),
@@ -269,6 +317,8 @@ OF_SUPPORTS = {
         for side in ("left", "right")
     },
     "transmitted_force": Observable(transmitted_force, "N", "force of the supports on the ground"),
+    "exciting_force": Observable(exciting_force, "N", "force of the motion past the frame"),
+    "exciting_moment": Observable(exciting_moment, "N m", "moment of the motion past the frame"),
     "frame_displacement": Observable(frame_displacement, "m", "displacement of the frame's G"),
     "frame_velocity": Observable(frame_velocity, "m/s", "velocity of the frame's G"),
     "frame_rotation": Observable(frame_rotation, "rad", "rotation of the frame"),

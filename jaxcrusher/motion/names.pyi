@@ -91,6 +91,8 @@ class ObservableNames:
     left_force: Array
     right_force: Array
     transmitted_force: Array
+    exciting_force: Array
+    exciting_moment: Array
     frame_displacement: Array
     frame_velocity: Array
     frame_rotation: Array

@@ -14,8 +14,10 @@ from jaxcrusher.basics.checks import (
 from jaxcrusher.mechanism.reductions import SAMPLES, require_orders
 from jaxcrusher.orbits.result import PeriodicOrbit, require_one
 
-# What a foundation is laid out for.
+# What a foundation is laid out for: what a clamped frame passes to the ground, and what excites one
+# on supports.
 OUTPUTS = ("ground_force", "ground_moment")
+ON_SUPPORTS = ("exciting_force", "exciting_moment")
 
 
 def harmonics(
@@ -32,7 +34,7 @@ def harmonics(
     - `orders`: the highest order k, a whole number from 1 to 511. An orbit of p turns has the
       orders 1/p, 2/p and so on up to it.
     - `outputs`: names of the scene's `observables`. None is the force and the
-      moment on the ground.
+      moment on the ground, and of a frame on supports those that excite it.
 
     **Returns:** an `xarray.Dataset` with `amplitude` (in `unit`) and `phase` (rad), both of the
     dimensions `quantity` and `order`. A vector has two quantities, such as `ground_force_x` and
@@ -48,7 +50,8 @@ def harmonics(
     require_one(orbit)
     require(bool(orbit.success), "orbit", "be one that was found", orbit.failure)
     require_orders(orders)
-    outputs, known = OUTPUTS if outputs is None else outputs, orbit.scene.observables
+    known, usual = orbit.scene.observables, OUTPUTS if orbit.scene.supports is None else ON_SUPPORTS
+    outputs = usual if outputs is None else outputs
     require_names("outputs", outputs, tuple(known))
     turns, count = orbit.period, SAMPLES * orbit.period
     seen = orbit.motion(2 * np.pi / SAMPLES * jnp.arange(count, dtype=float), tuple(outputs))

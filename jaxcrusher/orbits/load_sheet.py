@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +13,7 @@ from jaxtyping import Complex, Float, Scalar
 from jaxcrusher.crusher.machine import LETTERS
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.rollers import RollerBearing
+from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.observables import OF_SUPPORTS
 from jaxcrusher.mechanism.reductions import SAMPLES, require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
@@ -19,7 +21,7 @@ from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits import severity
-from jaxcrusher.orbits.natural_modes import linearised, natural_modes
+from jaxcrusher.orbits.natural_modes import amplification, natural_modes, shares_of_energy
 from jaxcrusher.orbits.result import PeriodicOrbit, seen_along
 from jaxcrusher.orbits.run_up import run_up
 
@@ -30,6 +32,13 @@ TRADE = {"N": ("kN", 1e-3), "N m": ("kN m", 1e-3), "m": ("um", 1e6), "m/s": ("mm
 EXCITING, SUPPORTS = "exciting force", ("left support", "right support", "both supports")
 HARMONICS = "harmonics"
 MOVING = "harmonics of motion"
+RMS, EQUIVALENT = "RMS of what moves", "equivalent"
+# Of a joint: how deep its pin is in the bore, over the clearance.
+DEPTH = "penetration_ratio"
+# A mode near an order is in resonance if it makes that order so many times larger, and what moves
+# so is this share of the block's RMS speed. Both are judged: a mode with a damping ratio of a third
+# amplifies its own frequency 1.5 times.
+AMPLIFIED, MATTERS = 1.5, 0.05
 
 
 @dataclass(frozen=True)
@@ -39,7 +48,7 @@ class Site:
     power: float | None = None  # of the motor, W
     frame_mass: float | None = None  # of a clamped machine's frame, kg
     points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    # Times each order of the shaft between which a natural frequency is in resonance.
+    # Times each order of the shaft between which a natural frequency may be in resonance.
     band: tuple[float, float] = (0.7, 1.3)
     factor: float = 3.0  # dynamic factor of the equivalent static loads
     seconds: float = 10.0  # of a run-up, and of a run-down
@@ -51,8 +60,9 @@ class Row:
 
     `order` is that of a harmonic, or says whether it is the RMS, the peak or the like, or is empty.
     The `scatter` of a harmonic or an RMS is its standard error, that of a peak the standard
-    deviation of the turns' peaks. `ideal` is the number with ideal joints. Of what has none of
-    these they are empty.
+    deviation of the turns' peaks. `ideal` is the number with ideal joints. `lowest` and `highest`
+    are those of the same machine with other numbers of what is assumed. Of what has none of these
+    they are empty.
     """
 
     part: str
@@ -64,6 +74,8 @@ class Row:
     remark: str = ""
     scatter: float | str = ""
     ideal: float | str = ""
+    lowest: float | str = ""
+    highest: float | str = ""
 
 
 def joint_states(scene: AbstractScene) -> str:
@@ -81,8 +93,9 @@ def joint_states(scene: AbstractScene) -> str:
 
 def quantities_of(scene: AbstractScene) -> dict[str, Observable]:
     """Return what a sheet looks at along a motion."""
-    names = ["ground_force", "ground_moment"]
+    names = [f"{before(joint)}{DEPTH}" for joint in scene.joints.names]
     if scene.supports is None:
+        names += ["ground_force", "ground_moment"]
         return {name: scene.observables[name] for name in names}
     names += [name for name in OF_SUPPORTS if name != "transmitted_force"]
     spin = Observable(_frame_spin, "rad/s", "spin of the frame")
@@ -109,21 +122,21 @@ def sheet(motion: PeriodicOrbit | Turns, orders: int, site: Site = Site()) -> li
     turns = motion if isinstance(motion, Turns) else orbit_turns(motion)
     exciting = _exciting(turns)
     rows = [
-        *_static(turns, site),
+        *static_loads(turns, site),
         *_harmonics(turns, exciting, HARMONICS, orders),
-        *_peaks(turns, exciting),
+        *_peaks(turns, exciting, orders),
     ]
     if turns.scene.supports is None:
         return rows
     modes, carried = natural_modes(turns.scene), _carried(turns)
-    moved = _moved(turns, site.points)
+    moved, near = _moved(turns, site.points), _meetings(turns, modes, orders, site)
     motions = [
         *_motion(turns, moved, modes, site),
         *_harmonics(turns, _named(moved), MOVING, orders),
     ]
-    rows += [*_harmonics(turns, carried, HARMONICS, orders), *_peaks(turns, carried)]
-    rows = [*_ground(turns.scene), *_modes(turns.scene, modes, rows, site), *rows, *motions]
-    verdicts = _verdicts(turns.scene, rows, site)
+    rows += [*_harmonics(turns, carried, HARMONICS, orders), *_peaks(turns, carried, orders)]
+    rows = [*_ground(turns.scene), *_modes(turns.scene, modes, near), *rows, *motions]
+    verdicts = _verdicts(turns.scene, rows, near, site)
     return [*verdicts, *rows, *_running_up(turns, orders, site)]
 
 
@@ -134,6 +147,63 @@ def beside(rows: Sequence[Row], ideal: Sequence[Row]) -> list[Row]:
         dataclasses.replace(row, ideal=known.get((row.part, row.name, row.order), ""))
         for row in rows
     ]
+
+
+def between(rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> list[Row]:
+    """Return the rows, each equivalent load with its range over other static loads and its own.
+
+    The others are of the same machine with other numbers of what is assumed.
+    """
+    known = [{(row.name, row.order): row.value for row in loads} for loads in others]
+    found = []
+    for row in rows:
+        if others and str(row.order).startswith(EQUIVALENT):
+            values = [row.value, *(loads[row.name, row.order] for loads in known)]
+            row = dataclasses.replace(row, lowest=min(values), highest=max(values))
+        found.append(row)
+    return found
+
+
+def moving_rms(turns: Turns) -> dict[str, Float[np.ndarray, " pieces"]]:
+    """Return each piece's RMS of what moves, N: of the exciting force, and of that on the ground.
+
+    That on the ground is there where the frame stands on supports.
+    """
+    (_, x), (_, y), *_ = _on_frame(turns).values()
+    found = {"exciting_rms": np.stack([x, y], axis=-1)}
+    if turns.scene.supports is not None:
+        found["transmitted_rms"] = turns.values["left_force"] + turns.values["right_force"]
+    return {
+        name: np.sqrt(np.mean(np.sum((force - force.mean(axis=(0, 1))) ** 2, axis=-1), axis=1))
+        for name, force in found.items()
+    }
+
+
+def loses_contact(turns: Turns) -> bool:
+    """Return whether a pin leaves its bore in a motion, and so comes back with a knock."""
+    depths = (values for name, values in turns.values.items() if name.endswith(DEPTH))
+    return any(bool((depth <= 0).any()) for depth in depths)
+
+
+def knocks(turns: Turns, rows: Sequence[Row], orders: int) -> str:
+    """Say what knocks of a machine that loses contact come to, with its block or without one."""
+    if turns.scene.supports is None:
+        return (
+            "the frame is clamped, and what knocks exert stands here whole; a block filters them, "
+            "since above its natural frequencies it passes on ever less"
+        )
+    known = {(row.name, row.order): row.value for row in rows if row.part == "peaks"}
+
+    def above(name: str) -> float:
+        names = [f"{name}, {side}" for side in SIDES.values()]
+        squares = [known[n, RMS] ** 2 * known[n, _above(orders)] / 100 for n in names]
+        return sum(squares) ** 0.5
+
+    sent, passed = above(EXCITING), above(f"force of {SUPPORTS[-1]}")
+    return (
+        f"the block filters them: above order {orders} the exciting force has an RMS of "
+        f"{sent:.3g} kN, and the supports pass on {passed:.3g} kN"
+    )
 
 
 def running_frequency(scene: AbstractScene) -> float:
@@ -150,8 +220,19 @@ def _both(name: str, unit: str, values: Float[np.ndarray, "pieces samples 2"]) -
 
 
 def _exciting(turns: Turns) -> Curves:
-    """Return force and moments of the bodies on the frame."""
-    force, moment = turns.values["ground_force"], turns.values["ground_moment"]
+    """Return what moves of the force and the moments that the bodies exert on a frame at rest."""
+    found = _on_frame(turns)
+    return {name: (unit, values - values.mean()) for name, (unit, values) in found.items()}
+
+
+def _on_frame(turns: Turns) -> Curves:
+    """Return force and moments of the bodies' motion past the frame, and on a clamped one weight.
+
+    They are those on a frame at rest. A frame that gives way feels less, and whoever puts that into
+    a model which has the machine's mass counts the frame's own inertia twice.
+    """
+    what = "ground" if turns.scene.supports is None else "exciting"
+    force, moment = (turns.values[f"{what}_{kind}"] for kind in ("force", "moment"))
     scene, place = turns.scene, _place(turns.scene)
     about = "G" if scene.supports is not None else "the foundation's point"
     if scene.foundation is None:
@@ -193,11 +274,11 @@ def _carried(turns: Turns) -> Curves:
     return found
 
 
-def _static(turns: Turns, site: Site) -> list[Row]:
+def static_loads(turns: Turns, site: Site) -> list[Row]:
     """Return the static loads, and those that stand for what moves by a dynamic factor."""
     scene, frame = turns.scene, site.frame_mass
     clamped = scene.supports is None
-    curves = _exciting(turns) if clamped else _carried(turns)
+    curves = _on_frame(turns) if clamped else _carried(turns)
     # What weight and reactions cancel is rounding, some 1e-12 of the largest load.
     rounding = 1e-9 * max(float(np.abs(values).max()) for _, values in curves.values())
     rows = []
@@ -214,27 +295,28 @@ def _static(turns: Turns, site: Site) -> list[Row]:
         rows.append(Row("static loads", name, "static", factor * still, unit, remark=remark))
         for sign, end in (("+", values.max()), ("-", values.min())):
             value = factor * (still + site.factor * (float(end) - mean))
-            words = f"equivalent, {sign} {site.factor:g} times what moves"
+            words = f"{EQUIVALENT}, {sign} {site.factor:g} times what moves"
             rows.append(Row("static loads", name, words, value, unit))
     return rows
 
 
-def _spectrum(
+def _amplitudes(
     values: Float[np.ndarray, "pieces samples"], highest: int
-) -> tuple[Complex[np.ndarray, " orders"], Float[np.ndarray, " orders"]]:
-    """Return the mean of the pieces' complex amplitudes from the first on, and its error."""
+) -> Complex[np.ndarray, "pieces orders"]:
+    """Return each piece's complex amplitudes from the first on."""
     # numpy.fft sums a exp(-i k theta): its angle is the phase of the cosine.
-    pieces = 2 * np.fft.rfft(values, axis=1)[:, 1 : highest + 1] / values.shape[1]
-    mean, count = pieces.mean(axis=0), len(pieces)
-    spread = np.sum(np.abs(pieces - mean) ** 2, axis=0)
-    return mean, np.sqrt(spread / max(count - 1, 1) / count)
+    return 2 * np.fft.rfft(values, axis=1)[:, 1 : highest + 1] / values.shape[1]
 
 
 def _harmonics(turns: Turns, curves: Curves, part: str, orders: int) -> list[Row]:
+    """Return the means of the pieces' amplitudes, with their standard errors."""
     rows = []
     for name, (observed, values) in curves.items():
         unit, factor = TRADE[observed]
-        mean, error = _spectrum(factor * values, orders * turns.length)
+        pieces = factor * _amplitudes(values, orders * turns.length)
+        mean, count = pieces.mean(axis=0), len(pieces)
+        spread = np.sum(np.abs(pieces - mean) ** 2, axis=0)
+        error = np.sqrt(spread / max(count - 1, 1) / count)
         for i, (one, scatter) in enumerate(zip(mean, error, strict=True)):
             order, known = (i + 1) / turns.length, "" if turns.repeats else float(scatter)
             size, phase = float(np.abs(one)), float(np.angle(one))
@@ -242,18 +324,43 @@ def _harmonics(turns: Turns, curves: Curves, part: str, orders: int) -> list[Row
     return rows
 
 
-def _peaks(turns: Turns, curves: Curves) -> list[Row]:
-    """Return the greatest and least values, and the RMS of what moves."""
-    rows = []
+def _by_order(
+    turns: Turns, orders: int
+) -> tuple[Float[np.ndarray, " orders"], Complex[np.ndarray, "3 orders"]]:
+    """Return the circular frequencies of harmonics, rad/s, and what excites the block by them."""
+    pushing = [values for _, values in list(_exciting(turns).values())[:3]]
+    highest = orders * turns.length
+    force = np.array([_amplitudes(one, highest).mean(axis=0) for one in pushing])
+    each = np.arange(1, highest + 1) / turns.length
+    return each * float(turns.scene.drive.speed), force
+
+
+def _peaks(turns: Turns, curves: Curves, orders: int) -> list[Row]:
+    """Return greatest and least values, the RMS of what moves, and how much of it is fast."""
+    rows, largest = [], {}
+    for observed, values in curves.values():
+        largest[observed] = max(largest.get(observed, 0.0), float(np.abs(values).max()))
     for name, (observed, values) in curves.items():
         unit, factor = TRADE[observed]
-        moves = factor * np.sqrt(np.mean((values - values.mean()) ** 2, axis=1))
+        rms = factor * np.sqrt(np.mean((values - values.mean()) ** 2, axis=1))
+        powers = np.var(values, axis=1)
+        slow = np.sum(np.abs(_amplitudes(values, orders * turns.length)) ** 2, axis=1) / 2
+        # Beside the largest of its kind what hardly moves is rounding.
+        moves = bool(powers.mean() > (1e-9 * largest[observed]) ** 2)
+        share = 100 * (1 - slow.sum() / powers.sum()) if moves else 0.0
+        of_turns = 100 * np.std(1 - slow / powers, ddof=1) if moves and not turns.repeats else 0.0
+        scatter = "" if turns.repeats else float(of_turns) * len(values) ** -0.5
         rows += [
             _of_pieces(turns, "peaks", name, "greatest", factor * values.max(axis=1), unit),
             _of_pieces(turns, "peaks", name, "least", factor * values.min(axis=1), unit),
-            _of_pieces(turns, "peaks", name, "RMS of what moves", moves, unit),
+            _of_pieces(turns, "peaks", name, RMS, rms, unit),
+            Row("peaks", name, _above(orders), max(float(share), 0.0), "%", scatter=scatter),
         ]
     return rows
+
+
+def _above(orders: int) -> str:
+    return f"power above order {orders}"
 
 
 def _of_pieces(turns: Turns, part: str, name: str, what: str, pieces: np.ndarray, unit: str) -> Row:
@@ -285,25 +392,57 @@ def _ground(scene: AbstractScene) -> list[Row]:
     return [Row(part, name, "", 1e-6 * value, unit) for name, (value, unit) in numbers.items()]
 
 
-def _modes(scene: AbstractScene, modes: xr.Dataset, rows: Sequence[Row], site: Site) -> list[Row]:
+class Meeting(NamedTuple):
+    """A mode whose natural frequency lies near an order, and what it does to that order."""
+
+    mode: int
+    times: float  # the natural frequency over that of the order
+    order: float
+    amplification: float
+    share: float  # of the block's RMS speed
+
+    @property
+    def resonates(self) -> bool:
+        """Return whether the mode makes the order larger, and the order matters."""
+        return self.amplification >= AMPLIFIED and self.share >= MATTERS
+
+    @property
+    def words(self) -> str:
+        """Say where it lies, and what comes of it."""
+        return (
+            f"{self.times:.2f} times order {self.order:g}, amplified {self.amplification:.2f} "
+            f"times, {100 * self.share:.2g} % of the RMS speed"
+        )
+
+
+def _meetings(turns: Turns, modes: xr.Dataset, orders: int, site: Site) -> list[Meeting]:
+    """Return the modes whose natural frequencies lie in the band about an order."""
+    rates, force = _by_order(turns, orders)
+    shares = np.sqrt(shares_of_energy(turns.scene, force, rates))
+    (low, high), found = site.band, []
+    both = zip(modes.frequency.values, modes.damping_ratio.values, strict=True)
+    for mode, (frequency, ratio) in enumerate(both):
+        for i, rate in enumerate(rates):
+            times = float(2 * np.pi * frequency / rate)
+            if low <= times <= high:
+                larger = float(amplification(1 / times, ratio))
+                order = (i + 1) / turns.length
+                found.append(Meeting(mode, times, order, larger, float(shares[mode, i])))
+    return found
+
+
+def _modes(scene: AbstractScene, modes: xr.Dataset, near: Sequence[Meeting]) -> list[Row]:
     part, running, found = "natural modes", running_frequency(scene), []
-    shaken = {
-        order: max(r.value for r in rows if r.order == order and r.unit == "kN")
-        for order in sorted({float(r.order) for r in rows if r.part == HARMONICS})
-    }
-    most = max(shaken.values(), default=1.0) or 1.0
     for i in range(modes.sizes["mode"]):
         one, mode = modes.isel(mode=i), f"mode {i + 1}"
         frequency, ratio = float(one.frequency), float(one.damping_ratio)
         moves = str(one.coordinate.values[int(np.argmax(one.share.values))])
         remark = f"damping ratio {ratio:.4g}, {frequency / running:.3g} times the running frequency"
         remark += f", most in {moves}"
-        low, high = site.band
-        for order, size in shaken.items():
-            times = frequency / (order * running)
-            if low <= times <= high:
-                remark += f"; resonance: {times:.2f} times order {order:g}"
-                remark += f" ({size / most:.1%} of the largest harmonic)"
+        for meeting in near:
+            if meeting.mode == i:
+                verdict = "resonance" if meeting.resonates else "no resonance"
+                remark += f"; {verdict}: {meeting.words}"
         found.append(Row(part, f"undamped frequency of {mode}", "", frequency, "Hz", remark=remark))
     # Dampers couple the modes: what moves freely is no single mode, and need not vibrate.
     for i, (decay, damped) in enumerate(zip(modes.decay, modes.damped_frequency, strict=True)):
@@ -369,17 +508,14 @@ def _motion(turns: Turns, moved: Moved, modes: xr.Dataset, site: Site) -> list[R
     return rows
 
 
-def _verdicts(scene: AbstractScene, rows: Sequence[Row], site: Site) -> list[Row]:
+def _verdicts(
+    scene: AbstractScene, rows: Sequence[Row], near: Sequence[Meeting], site: Site
+) -> list[Row]:
     """Return the overall grade with what decides it, and the resonances."""
     part, running = "verdicts", running_frequency(scene)
-    low, high = site.band
-    close = [row for row in rows if "resonance" in row.remark]
-    named = "; ".join(
-        f"{r.name.removeprefix('undamped frequency of ')} {r.remark.partition('; ')[2]}"
-        for r in close
-    )
-    band = f"natural frequencies from {low:g} to {high:g} times an order"
-    found = [Row(part, band, "", len(close), "1", remark=named or "none")]
+    close = [one for one in near if one.resonates]
+    named = "; ".join(f"mode {one.mode + 1}: {one.words}" for one in close)
+    found = [Row(part, "resonances", "", len(close), "1", remark=named or "none")]
     if outside := severity.outside_scope(running, site.power):
         return [Row(part, "overall zone", "", 60 * running, "rpm", remark=outside), *found]
     zones = [row for row in rows if row.remark.startswith("zone ")]
@@ -399,21 +535,8 @@ def _verdicts(scene: AbstractScene, rows: Sequence[Row], site: Site) -> list[Row
 def _running_up(turns: Turns, orders: int, site: Site) -> list[Row]:
     """Return what G does on the way up and down, beside the running speed."""
     part, rows, scene = "run-up and run-down", [], turns.scene
-    supports, mass = scene.supports, linearised(scene)[0]
-    assert supports is not None
-    moved, turned = turns.values["frame_displacement"], turns.values["frame_rotation"]
-    pushing = [values for _, values in list(_exciting(turns).values())[:3]]
-    each = slice(turns.length - 1, None, turns.length)  # of the orders of a turn
-    force, swing = (
-        np.array([_spectrum(one, orders * turns.length)[0][each] for one in curves])
-        for curves in (pushing, (moved[..., 0], moved[..., 1], turned))
-    )
-    # The inertia of bodies that move with the frame is in the mass, and not in the force on it.
-    carried = mass - np.diag([float(n) for n in (supports.mass, supports.mass, supports.inertia)])
-    rates = float(scene.drive.speed) * np.arange(1, force.shape[1] + 1)
-    force = force - carried @ (rates**2 * swing)
-    # So is the moment of weights that lean with it in the stiffness.
-    force[2] += float(scene.linkage.gravity) * carried[0, 2] * swing[2]
+    moved, (_, force) = turns.values["frame_displacement"], _by_order(turns, orders)
+    force = force[:, turns.length - 1 :: turns.length]  # orders of a turn
     for words, down in (("up", False), ("down", True)):
         path = run_up(scene, force, site.seconds, down=down)
         for i, axis in enumerate(SIDES):

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import scipy.linalg
 import xarray as xr
-from jaxtyping import Array, Float, Scalar
+from jaxtyping import Array, Complex, Float, Scalar
 
 from jaxcrusher.basics.checks import require, require_untraced
 from jaxcrusher.basics.plane import Vector
@@ -87,6 +87,43 @@ def linearised(scene: AbstractScene) -> tuple[np.ndarray, np.ndarray, np.ndarray
     upright = np.isfinite(stiffness).all() and np.linalg.eigvalsh(stiffness).min() > 0
     require(bool(upright and left <= STANDING), "scene", toppled, "one that falls")
     return mass, damping, stiffness
+
+
+def amplification(ratio: float, damping_ratio: float) -> float:
+    """Return how many times as far as by a steady force a mode moves by one that oscillates.
+
+    `ratio` is the frequency of the force over the natural frequency: 1 / |1 - ratio^2 + 2 i zeta
+    ratio| (Clough and Penzien, Dynamics of Structures, chapter 3).
+    """
+    return 1 / abs(1 - ratio**2 + 2j * damping_ratio * ratio)
+
+
+def shares_of_energy(
+    scene: AbstractScene,
+    force: Complex[np.ndarray, "3 orders"],
+    rates: Float[np.ndarray, " orders"],
+) -> Float[np.ndarray, "modes orders"]:
+    """Return the share of the block's kinetic energy that each mode has at each frequency.
+
+    The block is linear, its dampers couple the modes as they do, and the energies of the modes of
+    M q'' + K q = 0 add up to the whole. A block that nothing moves has no shares: all are zero.
+
+    **Arguments:**
+
+    - `scene`: with a frame on supports.
+    - `force`: complex amplitudes of Fx, Fy (N) and of the moment about G (N m) that excite it.
+    - `rates`: their circular frequencies, rad/s.
+
+    Raises ValueError as `natural_modes` does.
+    """
+    mass, damping, stiffness = linearised(scene)
+    _, shapes = scipy.linalg.eigh(stiffness, mass)
+    moved = [
+        np.linalg.solve(stiffness - rate**2 * mass + 1j * rate * damping, amplitude)
+        for rate, amplitude in zip(rates, force.T, strict=True)
+    ]
+    energies = np.abs(rates * (shapes.T @ mass @ np.transpose(moved))) ** 2
+    return energies / (energies.sum() or 1.0)
 
 
 def _free(rates: np.ndarray, dampers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -109,7 +109,7 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     or a `rod.preload` a tension rod pulls at the jaw. With `contact_law="rollers"` the main bearing
     is a roller bearing of the numbers `rollers.NAME`, and what describes sliding steel (friction,
     slip, restitution, elasticity) is not used. Numbers that are unlikely together, as of a speed in
-    rpm, are warned of once in a process.
+    rpm, are warned of once in a process for each of their values.
 
     Raises ValueError as `check_described` and `complete` do, and as `Scene` and `Machine` do.
     """

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike
 
-from jaxcrusher.basics.checks import primal, require
+from jaxcrusher.basics.checks import number_in, primal, require
 from jaxcrusher.basics.periodic_spline import (
     TURN,
     PeriodicSeries,
@@ -92,7 +92,7 @@ def read_curve(path: str) -> np.ndarray:
     points = []
     for i, cells in rows[1:]:
         try:
-            angle, force = map(float, cells)
+            angle, force = map(number_in, cells)
         except ValueError:
             raise fail(f"has no angle and force in line {i}") from None
         points.append((np.radians(angle), 1e3 * force))

@@ -1,7 +1,8 @@
 """Whether the numbers of a crusher can be meant: ratios that a slip of units throws far off.
 
 A clearance of 100 mm in a bore of 130 mm, or a jaw of 0.5 kg, has a unit and lies inside its
-limits, and is a slip all the same.
+limits, and is a slip all the same. So is a throw in the place of an eccentricity, and a diameter in
+that of a radius.
 """
 
 import operator
@@ -139,12 +140,33 @@ RATIOS = (
         unit="GPa",
     ),
     Ratio(
+        ("shaft.eccentricity", "chamber.discharge", "chamber.height", "chamber.nip_angle"),
+        (0.0, 0.03, 0.15, 2.0),
+        "judged: the PE250x400 has 0.08, others 0.07 to 0.14; eccentricity is half of the throw",
+        lambda eccentricity, discharge, height, nip: (
+            2 * eccentricity / (discharge + 2 * height * np.tan(nip / 2))
+        ),
+        words="twice the eccentricity over the width of the mouth",
+    ),
+    Ratio(
+        ("bore_radius", "shaft.eccentricity"),
+        (0.0, 5.0, 18.0, 1e3),
+        "judged: the PE250x400 has 13, machines with roller bearings 6 to 14",
+    ),
+    Ratio(
         ("load", "chamber.width", "chamber.height"),
-        (0.0, 0.0, 3.0, 100.0),
+        (0.0, 0.01, 3.0, 100.0),
         "the PE250x400 has 0.04 in the paper; jaw crushers are built for some 2.7",
         lambda load, width, height: 1e-6 * load / (width * height),
         words="load over width and height of the chamber",
         unit="MPa",
+    ),
+    Ratio(
+        ("load", "shaft.eccentricity", "speed", "motor_power"),
+        (0.0, 0.02, 5.0, 1e3),
+        "judged: machines have 1.5 to 1.7, the PE250x400 with the paper's load 0.06",
+        lambda load, eccentricity, speed, power: load * eccentricity * speed / (np.pi * power),
+        words="power of the load over twice the eccentricity in each turn / motor_power",
     ),
     Ratio(
         ("rod.preload", "jaw.mass", "gravity"),
@@ -182,6 +204,16 @@ RATIOS = (
         "judged: catalogues have 0.4 for large and 1.3 for small roller bearings",
     ),
     Ratio(
+        ("bore_radius", "rollers.pitch_diameter"),
+        (0.1, 0.55, 0.8, 10.0),
+        "judged: spherical roller bearings have 0.63, of half of their outer diameter",
+    ),
+    Ratio(
+        ("rollers.pitch_diameter", "rollers.bore"),
+        (0.1, 1.15, 1.8, 10.0),
+        "judged: spherical roller bearings have 1.3 to 1.6",
+    ),
+    Ratio(
         ("gravity",),
         (0.0, 9.76, 9.84, 100.0),
         "that of the Earth's surface",
@@ -211,6 +243,42 @@ RATIOS = (
         words="radius of gyration of the block over the distance of its supports",
     ),
     Ratio(
+        ("foundation.y", "foundation.base", "foundation.left", "foundation.right"),
+        (-10.0, 0.0, 2.0, 50.0),
+        "judged: a block stands on its base, below its mass centre",
+        lambda y, base, left, right: (y - base) / max(abs(right - left), 1e-3),
+        words="height of the block's mass centre above its base over the distance of its supports",
+    ),
+    Ratio(
+        ("foundation.soil.shear_modulus",),
+        (0.1, 5.0, 5000.0, 1e5),
+        "soft clay has 5, dense gravel 300, weak rock some thousands (of small strains, judged)",
+        lambda modulus: 1e-6 * modulus,
+        unit="MPa",
+    ),
+    Ratio(
+        ("foundation.soil.shear_wave_speed",),
+        (5.0, 50.0, 1500.0, 5000.0),
+        "soft clay has 60, dense gravel 400, weak rock 1000 (judged)",
+        lambda speed: speed,
+        unit="m/s",
+    ),
+    Ratio(
+        ("foundation.soil.density",),
+        (100.0, 1200.0, 2700.0, 1e4),
+        "soils have 1500 to 2200, rock up to 2700",
+        lambda density: density,
+        unit="kg/m3",
+    ),
+    Ratio(
+        ("foundation.mass", "foundation.soil.length", "foundation.soil.width", "gravity"),
+        (1e-2, 3.0, 400.0, 1e5),
+        "judged: soils are asked to carry 50 to 300",
+        lambda mass, length, width, gravity: 1e-3 * mass * gravity / (length * width),
+        words="weight of the block over its base",
+        unit="kPa",
+    ),
+    Ratio(
         ("chamber.nip_angle",),
         (0.0, 14.0, 27.0, 45.0),
         "jaw crushers have 18 to 24; rock is squeezed out above twice its angle of friction",
@@ -230,14 +298,28 @@ RATIOS = (
 )
 
 
+def _unused(values: Mapping[str, Any]) -> set[str]:
+    """Return the numbers of a description that its motion is not made of: nobody means them."""
+    load = concrete(values["load"])
+    without = not _has_constant_load(values) or (load is not None and not np.any(load))
+    ideal = values["joint"] == "ideal"
+    return ({"load"} if without else set()) | ({"clearance"} if ideal else set())
+
+
+def _has_constant_load(values: Mapping[str, Any]) -> bool:
+    """Return whether the load is the number `load`; other laws have their own force, or none."""
+    law = LAWS["load_law"].get(values.get("load_law", ""), AbstractConstantLoad)
+    return law is not None and issubclass(law, AbstractConstantLoad)
+
+
 def _unusual(values: Mapping[str, Any]) -> Iterator[tuple[Ratio, str, str, bool]]:
     """Yield each ratio that is unusual, what is said of it, its numbers, and if it can be."""
     v = {**PAPER_CHAMBER, **complete(values)}
+    unused = _unused(v)
     for rule in RATIOS:
-        ideal = v["joint"] == "ideal" and "clearance" in rule.of
         there = (concrete(v[name]) for name in rule.of if name in v)
         numbers = [float(number) for number in there if number is not None and number.ndim == 0]
-        if ideal or len(numbers) < len(rule.of):
+        if unused & set(rule.of) or len(numbers) < len(rule.of):
             continue
         ratio = float(rule.ratio(*numbers))
         least, low, high, most = rule.limits
@@ -245,7 +327,8 @@ def _unusual(values: Mapping[str, Any]) -> Iterator[tuple[Ratio, str, str, bool]
             continue
         told = zip(rule.of, numbers, strict=True)
         given = ", ".join(f"{name} {readable(name, number)}" for name, number in told)
-        texts = (f"{value:.3g} {rule.unit}".rstrip() for value in (ratio, low, high))
+        rounded = (float(f"{value:.3g}") for value in (ratio, low, high))
+        texts = (f"{value:g} {rule.unit}".rstrip() for value in rounded)
         said = "{} is {}, usually {} to {} ({})".format(rule.title, *texts, rule.source)
         yield rule, said, given, least <= ratio <= most
 
@@ -259,17 +342,16 @@ def remarks(values: Mapping[str, Any]) -> list[str]:
     lines = []
     for rule, said, given, possible in _unusual(values):
         if not possible:
-            raise ValueError(
-                f"Argument `{rule.of[0]}` must be one of a crusher, but {said}, with {given}."
-            )
+            raise ValueError(f"Argument `{rule.of[0]}` must be possible, but {said}, with {given}.")
         lines.append(f"{said}: is {given} meant?")
     return lines
 
 
 def warn_of_unusual(values: Mapping[str, Any]) -> None:
-    """Warn of what is unusual or cannot be in a description, of each ratio once in a process."""
-    for rule, said, given, _ in _unusual(values):
-        warn_once(rule.title, f"{said}: is {given} meant?", UnusualNumbers)
+    """Warn of what is unusual or cannot be in a description, once in a process of each value."""
+    for _, said, given, _ in _unusual(values):
+        text = f"{said}: is {given} meant?"
+        warn_once(text, text, UnusualNumbers)
 
 
 def require_possible(values: Mapping[str, Any], axes: Mapping[str, Sequence[Any]]) -> None:
@@ -291,10 +373,7 @@ def borrowed(given: Mapping[str, Any]) -> list[str]:
 
     Those of a part that it need not have, such as rollers or supports, count where it has it.
     """
-    law = LAWS["load_law"].get(given.get("load_law", ""), AbstractConstantLoad)
-    # Other laws have a force of their own, or none.
-    constant = law is not None and issubclass(law, AbstractConstantLoad)
-    known = set(given) | (set() if constant else {"load"})
+    known = set(given) | (set() if _has_constant_load(given) else {"load"})
     left = (CHAMBER.keys() | complete(given).keys()) - known
     return [n for n in NUMBERS if n in left and (n == "load" or n.startswith(OF_A_MACHINE))]
 

@@ -24,6 +24,7 @@ from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from typing import Any
+from unicodedata import normalize
 
 import numpy as np
 import pint
@@ -46,8 +47,33 @@ from jaxcrusher.scenes.parameters import (
 
 # A diameter of a drawing -> the radius that it gives.
 DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"}
-# A rotational speed as data sheets write it; elsewhere "1/min" may be another rate.
-_TURNS_A_MINUTE = ("1/min", "U/min", "min-1", "min^-1", "min**-1")
+# A rotational speed as data sheets write it, in any case; elsewhere "1/min" may be another rate.
+_TURNS_A_MINUTE = ("1/min", "min-1", "min^-1", "min**-1", "rpm", "upm")
+_TURNS_A_MINUTE += tuple(f"{turn}/min" for turn in ("u", "r", "tr", "rev", "ob", "obr"))
+# SI unit -> units that data sheets have for it, and how their slips are told.
+_USUAL = {
+    "rad/s": ("rpm", "rad/s"),
+    "rad": ("deg", "rad", "gon"),
+    "m": ("mm", "m", "um", "cm", "in", "ft"),
+    "kg": ("kg", "t", "g", "lb"),
+    "kg m2": ("kg m2", "t m2", "kg cm2"),
+    "kg/m3": ("kg/m3", "t/m3", "g/cm3"),
+    "N": ("N", "kN", "MN", "kp", "kgf", "lbf"),
+    "N/m": ("N/m", "N/mm", "kN/m", "kN/mm", "MN/m"),
+    "N s/m": ("N s/m", "kN s/m", "MN s/m", "N s/mm"),
+    "N m": ("N m", "kN m"),
+    "N m/rad": ("N m/rad", "kN m/rad", "MN m/rad"),
+    "N m s/rad": ("N m s/rad", "kN m s/rad", "MN m s/rad"),
+    "Pa": ("Pa", "kPa", "MPa", "GPa", "N/mm2", "bar", "psi"),
+    "W": ("W", "kW", "MW", "hp", "PS"),
+}
+# Words that mean different units in different places, in any case and number -> what to write.
+_UNCLEAR = {
+    "ton": "may be 907, 1000 or 1016 kg: write t or tonne of 1000 kg, or lb",
+    "cwt": "may be 45.4 or 50.8 kg: write kg or lb",
+    "gr": "may be grams or grains: write g",
+    "grad": "may be degrees or gon: write deg or gon",
+}
 
 # Quotes that a word processor puts in the place of straight ones.
 _TYPOGRAPHIC = "[\u201c\u201d\u201e\u2018\u2019\u00ab\u00bb]"
@@ -339,8 +365,10 @@ def quantity_in(unit: str, name: str, text: str) -> float:
             why = f"has a decimal comma: write {text.replace(',', '.', 1)!r}"
         raise ValueError(f"Argument `{name}` must be {_wanted(unit)}, but {text!r} {why}.")
     written = match[2].strip()
-    if unit == "rad/s" and written.replace(" ", "") in _TURNS_A_MINUTE:
+    if unit == "rad/s" and written.replace(" ", "").casefold() in _TURNS_A_MINUTE:
         written = "rpm"
+    if unclear := _unclear(written):
+        raise ValueError(f"Argument `{name}` must have a clear unit, but {written!r} {unclear}.")
     registry = _registry()
     try:
         wanted = parse_unit(unit)
@@ -360,18 +388,41 @@ def quantity_in(unit: str, name: str, text: str) -> float:
             f"Argument `{name}` must be {_wanted(unit)}, but {text!r} has an exponent of too many "
             "digits."
         ) from None
-    except (pint.UndefinedUnitError, ValueError, TypeError):  # TypeError: decibel and the like
+    # TypeError: decibel and the like; KeyError: an exponent of zero.
+    except (pint.UndefinedUnitError, ValueError, TypeError, KeyError):
         raise ValueError(
-            f"Argument `{name}` must have a unit of the kind {unit}, but {written!r} is unknown."
+            f"Argument `{name}` must have a unit of the kind {unit}, but {written!r} is unknown"
+            f"{_meant(unit, written)}"
         ) from None
     if result is None:
         cycles = unit == "rad/s" and base == registry.Unit("1/s")
-        hint = " (turns or radians? Write rpm or rad/s)" if cycles else ""
+        hint = " (turns or radians? Write rpm or rad/s)." if cycles else _meant(unit, written)
         raise ValueError(
-            f"Argument `{name}` must have a unit of the kind {unit}, but has {written!r}{hint}."
+            f"Argument `{name}` must have a unit of the kind {unit}, but has {written!r}{hint}"
         )
     # The description's own angles are np.radians of degrees, to the last digit.
     return float(np.radians(float(match[1]))) if given == registry.degree else result
+
+
+def _unclear(written: str) -> str:
+    """Say of a unit whose word means several things what to write, or nothing."""
+    for word in re.findall(r"[^\W\d_]+", written.casefold()):
+        if match := re.fullmatch(rf"[km]?({'|'.join(_UNCLEAR)})s?", word):
+            return _UNCLEAR[match[1]]
+    return ""
+
+
+def _meant(unit: str, written: str) -> str:
+    """End a refusal with the usual units of a kind, or those of them that are written so alike."""
+
+    def plain(one: str) -> str:
+        return re.sub(r"[\s*·.^]", "", normalize("NFKC", one)).casefold()
+
+    usual = _USUAL.get(unit, ())
+    alike = [one for one in usual if plain(one) == plain(written)]
+    if alike:
+        return f"; did you mean {' or '.join(alike)}?"
+    return f"; usual are {', '.join(usual)}." if usual else "."
 
 
 # A `pint.UnitRegistry`, which beartype cannot check as pint writes it for Python 3.12 and later.
@@ -379,7 +430,8 @@ def quantity_in(unit: str, name: str, text: str) -> float:
 def _registry() -> Any:
     """Decimal, so that "0.06 mm" is the float 0.06e-3."""
     registry = pint.UnitRegistry(non_int_type=Decimal)  # pyright: ignore
-    registry.define("@alias turn = rev")
+    for known, alias in (("turn", "rev"), ("metric_horsepower", "PS"), ("force_kilogram", "kp")):
+        registry.define(f"@alias {known} = {alias}")
     return registry
 
 

@@ -124,7 +124,8 @@ def load_sheet(found: Answer) -> Table | None:
         if name in found.load_sheets and design.orbit is not None
     ]
     about = (
-        "Forces on the ground: x to the right, y up. Harmonics of the shaft's speed have their "
+        "Forces on frame and ground: x to the right, y up. An exciting force is that on a frame at "
+        "rest, less its mean. Harmonics of the shaft's speed have their "
         f"phase, by the angle from the right.{zones}{''.join(states)}"
     )
     return Table(("", *found.load_sheets), rows, about=about)

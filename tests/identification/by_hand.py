@@ -71,10 +71,10 @@ LINKS = {
 INSTANTS = 128
 
 
-def crusher(values, speed):
-    """Harmonics, A e^(i phi) by order, of the force (N) and the moment about C (N m) on the frame.
+def places(values):
+    """Places (m) of mass centres and angles (rad) of bodies over a turn, the shaft's from its mean.
 
-    Circles about A and C meet in B; accelerations are those of the Fourier series of places.
+    Circles about A and C meet in B.
     """
     v = LINKS | dict(values)
     theta = 2 * np.pi * np.arange(INSTANTS) / INSTANTS
@@ -88,7 +88,7 @@ def crusher(values, speed):
     jaw = (elbow - pin) / v["jaw.length"]
     lead = np.exp(1j * v["shaft.mass_centre_angle"])
     ahead = np.exp(1j * v["jaw.mass_centre_angle"])
-    places = {
+    found = {
         "shaft": hub + v["shaft.mass_centre_radius"] * lead * turn,
         "jaw": pin + v["jaw.mass_centre_distance"] * ahead * jaw,
         "toggle": elbow / 2,
@@ -98,13 +98,22 @@ def crusher(values, speed):
         "jaw": np.angle(jaw / jaw[0]),
         "toggle": np.angle(elbow / elbow[0]),
     }
+    return found, angles
+
+
+def crusher(values, speed):
+    """Harmonics, A e^(i phi) by order, of the force (N) and the moment about C (N m) on the frame.
+
+    Accelerations are those of the Fourier series of places.
+    """
+    v, (at, angles) = LINKS | dict(values), places(values)
     orders = np.fft.fftfreq(INSTANTS, 1 / INSTANTS)
 
     def second(series):
         return np.fft.ifft(-((speed * orders) ** 2) * np.fft.fft(series))
 
     force, moment = 0, 0
-    for body, place in places.items():
+    for body, place in at.items():
         push = v[f"{body}.mass"] * (-1j * v["gravity"] - second(place))
         force = force + push
         moment = moment + (np.conj(place) * push).imag

@@ -47,6 +47,8 @@ def test_a_table(tmp_path):
         ("time, angle, angle_deg\n", "quantities, each once, but is with time, angle, ang"),
         (TABLE.replace("mm/s", "mm"), "line 2: Argument `unit` must have a unit of the kind m/s"),
         (TABLE.replace("1.31", "fast"), "line 2: could not convert"),
+        (TABLE.replace("1.31", "1_31"), "line 2: '1_31' is no number"),
+        ("time, angle\n0, 1\n1, 2_0\n", "line 3: '2_0' is no number"),
         (TABLE.replace("84, ", ""), "line 2: Argument `row` must have 7 cells, but is 6"),
         (TABLE.replace("frame_velocity_y", "velocity"), "line 2: Argument `velocity` must be a kn"),
         ("time, angle\n0, 1\n1, 2\n", "measured.csv: .*`angle` must go through 5 whole turns, but"),

@@ -88,6 +88,7 @@ def test_bad_files(tmp_path):
     cases = {
         "header": (written(tmp_path / "a.csv", header="angle, force"), "does not begin with"),
         "cells": (written(tmp_path / "b.csv", [[0, "many"]]), "angle and force in line 2"),
+        "grouped": (written(tmp_path / "c.csv", [["1_0", 5]]), "angle and force in line 2"),
         "missing": (tmp_path / "none.csv", "cannot be read"),
         "zero": ("a\0.csv", r"but 'a\\x00\.csv' is no name of a file"),
         "half a character": ("\ud800.csv", r"but '\\ud800\.csv' is no name of a file"),

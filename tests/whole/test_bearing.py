@@ -85,8 +85,12 @@ def said(tmp_path, monkeypatch):
 def test_variants_are_half_and_twice_of_the_first_design(said):
     """Not of the scene's number, of which the first design may be the half."""
     text = said(("load_edge", "20 deg"), over=(("load_edge", "10", "20 deg", "2"),))
-    assert "load_edge 10 deg load_edge 5 deg load_edge 20 deg" in text
-    # Nothing is half of no damping.
+    # Of steel an impact loses half and twice of 0.1.
+    assert "load_edge 10 deg load_edge 5 deg load_edge 20 deg restitution 0.95" in text
+    assert "restitution 0.95 restitution 0.8 peak" in text
+    text = said(("load_edge", "20 deg"), ("restitution", "0.4"))
+    assert "Without restitution -0.2: Argument `restitution` must lie in" in text
+    # Nothing is half of no damping, and rollers have no restitution.
     text = said(*KNOCK, ("load_edge", "20 deg"), ("rollers.damping", "0 N s/m"))
     assert "load_edge 10 deg load_edge 40 deg peak" in text and "bearing.csv" in text
 
@@ -122,7 +126,7 @@ def test_a_design_that_fails_is_told_and_the_others_are_kept(said, monkeypatch, 
 def test_what_cannot_be_is_left_out(said):
     text = said(("load_edge", "60 deg"))
     assert "Without load_edge 120 deg: Argument `load_edge` must lie in [0.001, 1.5]" in text
-    assert "load_edge 30 deg peak load" in text and "bearing.csv" in text
+    assert "load_edge 30 deg restitution 0.95" in text and "bearing.csv" in text
 
 
 def test_designs_are_refused_before_any_runs(monkeypatch, tmp_path):

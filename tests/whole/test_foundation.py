@@ -1,6 +1,7 @@
 """The load sheet of a foundation, from the command line to its files."""
 
 import csv
+import json
 import re
 
 import numpy as np
@@ -12,6 +13,7 @@ from jaxcrusher.commands import foundation
 from jaxcrusher.commands.options import Crusher, Foundation, Results
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits.load_sheet import Row, Site, sheet
+from tests.identification import by_hand
 
 BLOCK = (("foundation.mass", "6 t"), ("foundation.x", "0.3 m"), ("joint", "ideal"))
 CORNER = ("foundation.points.the corner", "1.2 m, -500 mm")
@@ -63,15 +65,26 @@ def test_files_of_a_sheet(tmp_path):
     ):
         assert said in text.replace("\n", " ") and said in html.replace("&#39;", "'"), said
     # An ideal joint has no clearance, and there is one column.
-    assert "clearance" not in html and "|" not in html and "undamped natural frequency in" in html
+    assert "clearance" not in html and "|" not in html and "natural frequency of a mode" in html
+    assert "Its marks are" not in html and "A mode is in resonance with an order" in html
+    assert "Its marks are" in foundation.page(scene, [], {"loose joints": "40 turns"}, "")
+    # What excites the block is what a clamped machine exerts, and goes with the speed's square.
+    pushed = by_hand.crusher({}, 30.0)["ground_force_y"][1]
+    excited = row("exciting force, vertically", "1.0", "harmonics")
+    assert float(excited["value"]) == pytest.approx(1e-3 * abs(pushed), rel=1e-9)
+    low, middle, high = json.loads((folder / "sheet.json").read_text())["exciting_rms"]
+    assert (middle, high) == pytest.approx((2.25 * low, 4 * low), rel=1e-9)
     assert (folder / "run_up.png").stat().st_size > 10_000
 
 
-def test_a_loose_machine_has_two_columns_and_bounded_time(tmp_path):
+def test_a_loose_machine_has_two_columns_and_bounded_time(tmp_path, monkeypatch):
     """Where it has no periodic orbit too: closing loads throw the pin about."""
     console = Console(record=True, width=100)
+    drawn = []
+    monkeypatch.setattr(foundation, "write_figure", lambda path, figure, **_: drawn.append(figure))
+    monkeypatch.setattr(foundation.Path, "read_bytes", lambda _: b"")
     options = Foundation(
-        Crusher(overrides=(("load_law", "closing_stroke"),)),
+        Crusher(overrides=(("load_law", "closing_stroke"), ("load_edge", "20 deg"))),
         orders=1,
         points=2,
         settle=5,
@@ -86,6 +99,25 @@ def test_a_loose_machine_has_two_columns_and_bounded_time(tmp_path):
         rows = {(r["name"], r["order"]): r for r in csv.DictReader(file)}
     peak = rows["exciting force, vertically", "greatest"]
     assert float(peak["value"]) > float(peak["ideal"]) and float(peak["scatter"]) > 0
+    fast = rows["exciting force, vertically", "power above order 1"]
+    assert float(fast["value"]) > 20 > float(fast["ideal"]) and fast["unit"] == "%"
+    # Half and twice of the edge, and of what an impact loses.
+    over = "load_edge 10 deg, load_edge 40 deg, restitution 0.95, restitution 0.8"
+    assert f"in brackets is the range over {over}" in text
+    assert "no number of either" in foundation.ranges([])
+    assert "knocks: the frame is clamped" in text
+    up = rows["force, vertically", "equivalent, + 3 times what moves"]
+    low, high = float(up["lowest"]), float(up["highest"])
+    assert low <= float(up["value"]) <= high and high - low > 1e-3 * high
+    assert f"({foundation.digits(low)} to {foundation.digits(high)})" in text
+    # The loose joints stand in the picture at the running speed, with the scatter of their turns.
+    about = json.loads((tmp_path / "loose" / "sheet.json").read_text())
+    turns = 1e-3 * np.array(about["loose_exciting_rms"])
+    (bars,) = [one for one in drawn[0].axes[0].containers if "loose" in one.get_label()]
+    ((x, y),) = bars.lines[0].get_xydata()
+    assert (x, y) == pytest.approx((30 * 30 / np.pi, turns.mean()))
+    (ends,) = bars.lines[2][0].get_segments()
+    assert np.ptp(ends[:, 1]) == pytest.approx(2 * turns.std(ddof=1)) and len(turns) == 10
 
 
 def test_a_run_that_fails_leaves_ideal_joints(tmp_path, monkeypatch):
@@ -132,6 +164,20 @@ def test_numbers_of_a_page():
     assert shown(1.0, phase_rad=np.pi / 2, ideal=1.00001) == "1 at 90°"
     assert shown(1.0, ideal=2.0, scatter=0.0123) == "2 | 1 ± 0.012"
     assert shown(1.0, scatter=1e-6) == "1"
+    assert shown(3.0, lowest=1.5, highest=4.25, ideal=1.0) == "1 | 3 (1.5 to 4.25)"
+
+
+def test_shares_have_their_unit_in_the_heading():
+    """Of a share nothing is seen below a twentieth of a percent, and no scatter of nothing."""
+    rows = [
+        Row("part", name, order, value, unit, scatter=0.02 * value)
+        for name, share in (("much", 88.125), ("little", 0.04))
+        for order, value, unit in (("RMS", 2.0, "kN"), ("fast", share, "%"))
+    ]
+    heading, *lines = foundation.grids(rows)["part"]
+    assert heading == ("", "unit", "RMS", "fast, %", "")
+    assert [line[3] for line in lines] == ["88.12 ± 1.8", "0"]
+    assert [line[1] for line in lines] == ["kN", "kN"]
 
 
 def test_a_small_machine_has_numbers_too():
@@ -147,19 +193,25 @@ def test_a_small_machine_has_numbers_too():
     assert lines == {"damper": "0.0004", "large": "20", "small": "0", "rounding": "0"}
 
 
-def test_speeds_whose_harmonics_meet_a_natural_frequency_are_marked(monkeypatch, tmp_path):
+@pytest.mark.parametrize("damping", [2e4, 2e6])
+def test_speeds_whose_harmonics_meet_a_natural_frequency_are_marked(damping, monkeypatch, tmp_path):
+    """Of modes that amplify what they meet, which dampers of a ratio of 0.95 and more do not."""
     kept = []
     monkeypatch.setattr(foundation, "write_figure", lambda path, figure, **_: kept.append(figure))
-    scene = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3})
-    natural = 60 * jc.natural_modes(scene).frequency.values
+    dampers = {f"foundation.{axis}_damping": damping for axis in ("horizontal", "vertical")}
+    scene = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3} | dampers)
+    modes = jc.natural_modes(scene)
+    assert (modes.damping_ratio < 1 / 3).all() == (damping == 2e4)
+    natural = 60 * modes.frequency.values
     # Some meet a natural frequency inside of the run up, and some outside of it at either end.
     speeds = np.linspace(0.75 * natural.min(), 0.75 * natural.max(), 3)
     curves = dict.fromkeys(foundation.CURVES, np.ones(3))
-    foundation.draw(scene, np.pi / 30 * speeds, curves, tmp_path / "run_up.png")
+    foundation.draw(scene, np.pi / 30 * speeds, curves, {}, tmp_path / "run_up.png")
     (ax,) = kept[0].axes
     upright = [line.get_xdata() for line in ax.lines if line.get_transform() != ax.transData]
     critical = [one / order for one in natural for order in (1, 2)]
     expected = [one for one in critical if speeds[0] <= one <= speeds[-1]]
     assert speeds[1] < max(expected) and min(critical) < speeds[0] and speeds[-1] < max(critical)
     found = sorted(float(x[0]) for x in upright)
+    expected = expected if damping == 2e4 else []
     assert found == pytest.approx(sorted([*expected, 60 * 30 / (2 * np.pi)]))
