@@ -1,6 +1,7 @@
 """Checks of arguments, on the values that are known; values known only to `jax.jit` pass."""
 
-from collections.abc import Callable, Iterable
+import contextlib
+from collections.abc import Callable, Iterable, Iterator
 from difflib import get_close_matches
 
 import jax
@@ -72,6 +73,18 @@ def require(condition: bool | np.bool, name: str, must: str, value: object) -> N
     if not condition:
         given = TRACED if isinstance(value, jax.core.Tracer) else value
         raise ValueError(f"Argument `{name}` must {must}, but is {given}.")
+
+
+@contextlib.contextmanager
+def renamed(**names: str) -> Iterator[None]:
+    """Let errors inside call each argument of these names as its user does."""
+    try:
+        yield
+    except ValueError as error:
+        text = str(error)
+        for name, called in names.items():
+            text = text.replace(f"`{name}`", f"`{called}`")
+        raise ValueError(text) from None
 
 
 def require_own_process() -> None:

@@ -45,6 +45,7 @@ from jaxcrusher.basics.checks import (
     concrete,
     is_concrete,
     nan_unless,
+    renamed,
     require,
     require_choice,
     require_known,
@@ -552,19 +553,10 @@ def _sides(reading: _Reading, dyads: Iterable[Any]) -> tuple[int, ...]:
 
 def _curve(at: str, given: Any, folder: Path) -> tuple:
     """Return the points of a curve, a file's or an array's, as tuples."""
-    try:
-        points = read_curve(str(folder / given)) if isinstance(given, str) else _numbers(given)
+    with renamed(load_curve=f"{at}.curve"):
+        points = read_curve(folder / given if isinstance(given, str | Path) else given)
         load_curve(points)
-    except ValueError as error:
-        raise ValueError(str(error).replace("`load_curve`", f"`{at}.curve`")) from None
     return tuple(map(tuple, points.tolist()))
-
-
-def _numbers(given: Any) -> np.ndarray:
-    try:
-        return np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError("Argument `load_curve` must be pairs [rad, N], but is not.") from None
 
 
 # Least sine of the angle between two links, or between a link and the perpendicular of its slide. A
