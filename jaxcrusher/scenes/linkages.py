@@ -217,7 +217,7 @@ class Drawing:
         choices |= _CHOICES
         for name, value in values.items():
             if name in choices:
-                require_choice(name, value, choices[name])
+                _require_choice(name, value, choices[name])
                 continue
             NUMBERS.setdefault(name, _parameter(name))
             check_number(name, value)
@@ -447,8 +447,16 @@ def _joints(reading: _Reading) -> tuple[tuple[str, str, str], ...]:
             name = f"joints.{item}.{key}"
             CHOICES[name] = laws  # known from now on, as numbers are
             reading.values[name] = law = keys.pop(key, laws[0])
-            require_choice(name, law, laws)
+            _require_choice(name, law, laws)
     return tuple(found)
+
+
+def _require_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
+    """Raise ValueError for a law that is none of the package, also for a class of one's own."""
+    own = isinstance(value, str) and ":" in value
+    must = "name a law of the package (one of your own is put into the joint of a scene in Python)"
+    require(not own, name, must, value)
+    require_choice(name, value, choices)
 
 
 def drawn(
