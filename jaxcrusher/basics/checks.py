@@ -1,6 +1,7 @@
 """Checks of arguments, on the values that are known; values known only to `jax.jit` pass."""
 
 import contextlib
+import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from difflib import get_close_matches
 
@@ -14,6 +15,8 @@ from jaxcrusher.basics.processes import jax_is_stuck
 
 # More choices than these are not listed to whoever misspells one.
 SEVERAL = 8
+# A value of several lines is told up to so many characters.
+LONG = 100
 TRACED = "traced by JAX, where a known value is needed"
 
 
@@ -71,7 +74,9 @@ def number_in(text: str) -> float:
 def require(condition: bool | np.bool, name: str, must: str, value: object) -> None:
     """Raise the one-line error of this package unless `condition` holds."""
     if not condition:
-        given = TRACED if isinstance(value, jax.core.Tracer) else value
+        given = TRACED if isinstance(value, jax.core.Tracer) else str(value)
+        if "\n" in given:  # of a scene, or of a large array
+            given = textwrap.shorten(given, LONG, placeholder=" ...")
         raise ValueError(f"Argument `{name}` must {must}, but is {given}.")
 
 
