@@ -1,6 +1,8 @@
 """Checks of arguments, on the values that are known; values known only to `jax.jit` pass."""
 
-from collections.abc import Callable, Iterable
+import contextlib
+import textwrap
+from collections.abc import Callable, Iterable, Iterator
 from difflib import get_close_matches
 
 import jax
@@ -13,6 +15,8 @@ from jaxcrusher.basics.processes import jax_is_stuck
 
 # More choices than these are not listed to whoever misspells one.
 SEVERAL = 8
+# A value of several lines is told up to so many characters.
+LONG = 100
 TRACED = "traced by JAX, where a known value is needed"
 
 
@@ -70,8 +74,22 @@ def number_in(text: str) -> float:
 def require(condition: bool | np.bool, name: str, must: str, value: object) -> None:
     """Raise the one-line error of this package unless `condition` holds."""
     if not condition:
-        given = TRACED if isinstance(value, jax.core.Tracer) else value
+        given = TRACED if isinstance(value, jax.core.Tracer) else str(value)
+        if "\n" in given:  # of a scene, or of a large array
+            given = textwrap.shorten(given, LONG, placeholder=" ...")
         raise ValueError(f"Argument `{name}` must {must}, but is {given}.")
+
+
+@contextlib.contextmanager
+def renamed(**names: str) -> Iterator[None]:
+    """Let errors inside call each argument of these names as its user does."""
+    try:
+        yield
+    except ValueError as error:
+        text = str(error)
+        for name, called in names.items():
+            text = text.replace(f"`{name}`", f"`{called}`")
+        raise ValueError(text) from None
 
 
 def require_own_process() -> None:

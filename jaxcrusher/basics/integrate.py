@@ -31,6 +31,7 @@ from jaxcrusher.basics.following import (
 )
 from jaxcrusher.basics.last_step import floats_counted_at_once
 from jaxcrusher.basics.loops import integrator
+from jaxcrusher.basics.record import Printed, words
 
 # How much narrower the tolerance is where second derivatives come along. A penetration is a
 # twentieth of a clearance, and so is the change of clearance in which the error of a slope may
@@ -97,7 +98,7 @@ class RESULTS(diffrax.RESULTS):  # pyright: ignore
     not_finite = "The motion is not finite."
 
 
-class Outcome(eqx.Module):
+class Outcome(Printed):
     """How an integration ended: its result, the time it came to, and the steps it took."""
 
     result: RESULTS
@@ -121,7 +122,7 @@ def failure_text(outcome: Outcome, unit: str) -> str:
         # That of diffrax names an argument that is not here.
         reason = "The bound of steps was reached; `method=jc.Method(max_steps=...)` sets another."
     else:
-        reason = " ".join(str(RESULTS[outcome.result]).split())
+        reason = words(RESULTS, outcome.result)
     return f"stopped at {float(outcome.reached):.6g} {unit}: {reason}"
 
 

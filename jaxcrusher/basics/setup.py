@@ -12,7 +12,6 @@ import os
 import platform
 import sys
 import warnings
-from importlib.metadata import version
 from pathlib import Path
 
 import platformdirs
@@ -26,7 +25,7 @@ from jaxcrusher.basics.loop_kernels import (
     jax_has_started,
     loops_are_slow,
 )
-from jaxcrusher.version import __version__
+from jaxcrusher.version import __version__, version_of
 
 # What XLA fuses it can write in two ways. The newer one took a quarter longer to compile an orbit
 # or a gradient, and its programs ran no faster. Versions that do not know the option ignore it.
@@ -197,5 +196,5 @@ def programs_folder() -> Path:
         lines = set(information.read_text().splitlines())
         processor += "".join(sorted(line for line in lines if line.startswith(("model", "flags"))))
     digest = hashlib.sha256(processor.encode()).hexdigest()[:8]
-    kind = f"{__version__}-jaxlib{version('jaxlib')}-{digest}"
+    kind = f"{__version__}-jaxlib{version_of('jaxlib')}-{digest}"
     return platformdirs.user_cache_path("jaxcrusher") / kind

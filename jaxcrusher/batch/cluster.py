@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.setup import set_up
 from jaxcrusher.files.provenance import environment
 
@@ -32,7 +33,8 @@ def workers(
 ) -> Iterator[tuple[dict[str, Any], Compute]]:
     """Yield the environment of a cluster's workers, and how they `compute` chunks of such a `name`.
 
-    `scheduler` is a client or an address. Raises ImportError if Dask is not installed.
+    `scheduler` is a client or an address. Raises ValueError for anything else, and ImportError if
+    Dask is not installed.
     """
     try:
         import distributed
@@ -40,7 +42,11 @@ def workers(
         raise ImportError(
             "Argument `scheduler` needs Dask: pip install 'jaxcrusher[cluster]'."
         ) from None
-    own = isinstance(scheduler, str)
+    own = not isinstance(scheduler, distributed.Client)
+    if own:
+        # Before a client tries it, which would hold the process for a minute at its end.
+        must = 'be a client of Dask, or the address of a scheduler such as "tcp://host:8786"'
+        require(_is_address(scheduler), "scheduler", must, repr(scheduler))
     client = distributed.Client(scheduler, set_as_default=False) if own else scheduler
     try:
         # Waits for the first worker.
@@ -49,6 +55,16 @@ def workers(
     finally:
         if own:
             client.close()
+
+
+def _is_address(given: Any) -> bool:
+    from distributed.comm.addressing import get_address_host
+
+    try:
+        get_address_host(given)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def worker_environment() -> dict[str, Any]:

@@ -5,6 +5,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -195,6 +196,7 @@ def make_grid(
     varied = {name: _axis(name, values, is_text(name, values)) for name, values in axes.items()}
     fixed = {}
     for name, value in base.items():
+        value = _text(value)
         require(name not in varied, "base", "name none of the axes", repr(name))
         text = is_text(name, value)
         called = f"base[{name!r}]"
@@ -231,9 +233,14 @@ def _axis(name: str, values: Any, text: bool) -> tuple:
     array = np.asarray(values, object) if text else _numbers(called, values, 1)
     good = array.ndim == 1 and array.size > 0
     require(good, called, "have shape (n,), n > 0", f"of shape {array.shape}")
-    axis = tuple(array.tolist())
+    axis = tuple(map(_text, array.tolist()))
     require(len(set(axis)) == len(axis), called, "hold every value once", values)
     return axis
+
+
+def _text(value: Any) -> Any:
+    """Return a file's name as text, and other values as they are."""
+    return str(value) if isinstance(value, Path) else value
 
 
 def _numbers(called: str, values: Any, dimensions: int) -> np.ndarray:

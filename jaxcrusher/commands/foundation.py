@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 import jaxcrusher as jc
-from jaxcrusher.basics.checks import require, require_positive, require_whole
+from jaxcrusher.basics.checks import renamed, require, require_positive, require_whole
 from jaxcrusher.commands.crushers import borrowed_by, read_machine, settings_of, variants_of
 from jaxcrusher.commands.options import Crusher, Foundation
 from jaxcrusher.crusher.capacity import stroke, stroke_ratio
@@ -57,6 +57,7 @@ from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.described import Described
 from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.parameters import NUMBERS
+from jaxcrusher.scenes.plausibility import has_constant_load
 from jaxcrusher.scenes.scene_file import points_of, quantity_in, read_range
 
 TITLE = "Load sheet of a machine's foundation"
@@ -185,7 +186,8 @@ def heading(found: Described, crusher: Crusher, turns: Turns | None) -> dict[str
         "running": f"{told('speed')}, {running_frequency(scene):.4g} Hz",
     }
     if isinstance(scene, Scene):
-        loads = "load_law", "load", "load_point", "load_edge", "load_scatter"
+        constant = ("load",) if has_constant_load(values) else ("load_curve", "load_factor")
+        loads = "load_law", *constant, "load_point", "load_edge", "load_scatter"
         masses = "shaft.mass", "jaw.mass", "toggle.mass", "counterweight.mass", "frame_mass"
         head |= {
             "crushing": _crushing(scene, values),
@@ -232,7 +234,8 @@ def _crushing(scene: Scene, values: dict[str, Any]) -> str:
 def _speeds(options: Foundation, speed: float) -> tuple[float, float]:
     if options.speeds is None:
         return speed / 2, 2 * speed
-    low, high = read_range("speed", *options.speeds)
+    with renamed(speed="speeds"):
+        low, high = read_range("speed", *options.speeds)
     require(low < high, "speeds", "be LOW HIGH, the first below the second", options.speeds)
     return low, high
 

@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import xarray as xr
 from rich.console import Console
 
-from jaxcrusher.basics.checks import require
+from jaxcrusher.basics.checks import renamed, require
 from jaxcrusher.batch.sweep import sweep
 from jaxcrusher.commands.crushers import bounds, read_axes, read_machine, write_dataset
 from jaxcrusher.commands.options import Sweep
@@ -38,24 +38,23 @@ def run(options: Sweep, console: Console) -> int:
         require_possible(values, axes)
     folder = results_folder(options.results.folder)
     designs = math.prod(len(axis) for axis in axes.values())
-    with progress(console) as bars, _workers(options.scheduler) as scheduler:
+    # The store is chosen by --name here.
+    called = renamed(store="name", settle_turns="settle")
+    with progress(console) as bars, _workers(options.scheduler) as scheduler, called:
         bar = bars.add_task("designs", total=designs)
-        try:
-            grid = sweep(
-                axes,
-                options.settle,
-                options.turns,
-                base=base,
-                scene=found.make,
-                store=folder / "sweep.zarr",
-                chunk=options.chunk,
-                engine=options.engine,
-                rtol=options.rtol,
-                scheduler=scheduler,
-                progress=lambda finished, _: bars.update(bar, completed=finished),
-            )
-        except ValueError as error:  # the store is chosen by --name here
-            raise ValueError(str(error).replace("`store`", "`name`")) from None
+        grid = sweep(
+            axes,
+            options.settle,
+            options.turns,
+            base=base,
+            scene=found.make,
+            store=folder / "sweep.zarr",
+            chunk=options.chunk,
+            engine=options.engine,
+            rtol=options.rtol,
+            scheduler=scheduler,
+            progress=lambda finished, _: bars.update(bar, completed=finished),
+        )
     asked = {"sweep.nc": options.netcdf, "sweep.csv": options.csv, "sweep.mat": options.mat}
     written = [folder / "sweep.zarr", *(folder / name for name, wanted in asked.items() if wanted)]
     for path in written[1:]:

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.plane import scalar
+from jaxcrusher.basics.record import Printed
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.mechanism.motion import ideal_at_rest
 
@@ -25,7 +26,7 @@ CAUTION = (
 )
 
 
-class CrushingChamber(eqx.Module):
+class CrushingChamber(Printed):
     """The chamber: Q = 60 n V mu, V = S L, S = (2b - s) h / 2, h = g t^2 / 2, t = 30 / n.
 
     The paper gives neither b nor s; its greatest capacity, 9.41 m3/h at 25 rad/s, implies

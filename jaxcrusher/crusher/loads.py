@@ -26,7 +26,7 @@ from jaxcrusher.basics import smooth
 from jaxcrusher.basics.checks import nan_unless, primal, require
 from jaxcrusher.basics.periodic_spline import PeriodicSeries, PeriodicSpline
 from jaxcrusher.basics.plane import Arm, Vector, direction, optional_scalar, scalar
-from jaxcrusher.basics.record import Record
+from jaxcrusher.basics.record import Printed, Record
 from jaxcrusher.crusher.capacity import ANGLES, stationary
 from jaxcrusher.crusher.machine import Machine
 from jaxcrusher.mechanism.linkage import Linkage, Point
@@ -96,7 +96,7 @@ class JawForce(Record):
     along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
 
 
-class AbstractLoad(eqx.Module):
+class AbstractLoad(Printed):
     """A force on the jaw."""
 
     @abc.abstractmethod

@@ -45,7 +45,7 @@ def bifurcation(
 
     **Arguments:**
 
-    - `scene`: makes a scene with clearance and constant speed; scenes differ in numbers only.
+    - `scene`: makes a crusher with clearance and constant speed; they differ in numbers only.
     - `values`: shape (n,), increasing.
     - `direction`: `"up"` and `"down"` begin each value with the state that the last one ended
       in (e in clearances and its rate), the first with its scene's start; `"cold"` begins each
@@ -61,7 +61,8 @@ def bifurcation(
     with dim `value`. Points of a failed or whirling value are NaN. A whirl is handed on; after a
     failure the next value begins with its scene's start.
 
-    Raises ValueError for arguments out of range, and as `poincare_section` does.
+    Raises ValueError for arguments out of range, for another linkage than a crusher, and as
+    `poincare_section` does.
     """
     require_set_up()
     require_maker(scene)

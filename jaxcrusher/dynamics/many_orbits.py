@@ -18,13 +18,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree, Scalar
 
+from jaxcrusher.basics.record import words
 from jaxcrusher.batch.engines import Engine, run_all, without_lanes
 from jaxcrusher.dynamics.lane_waits import Cases, LaneWaits
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
-from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, words
+from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit
 from jaxcrusher.orbits.transient import TURNS
 from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.trigonometric import resample

@@ -7,12 +7,11 @@ import shlex
 import sys
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from jaxcrusher.basics.devices import computes_on, devices
-from jaxcrusher.version import __version__
+from jaxcrusher.version import __version__, version_of
 
 # Packages whose version can change the last bit of a result.
 PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "llvmlite")
@@ -80,7 +79,7 @@ def environment() -> dict[str, Any]:
 
 def versions(*further: str) -> dict[str, str]:
     """Return the versions of the packages that decide bits, and of `further` ones."""
-    return {"jaxcrusher": __version__, **{name: version(name) for name in (*PACKAGES, *further)}}
+    return {"jaxcrusher": __version__, **{name: version_of(name) for name in (*PACKAGES, *further)}}
 
 
 def machine() -> str:

@@ -1,7 +1,10 @@
 """Tables of results: the unit and meaning of every column, the dataset they stand in, and CSV."""
 
 import math
+import csv
+import math
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -123,6 +126,30 @@ def dataset(
         if name in values
     }
     return xr.Dataset(data, coordinates, attributes)
+
+
+def read_cells(path: Path | str) -> list[list[str]]:
+    """Return the cells of each line of a CSV file, with commas between them.
+
+    Raises ValueError, of a clause that says what the file is or has, where it cannot be read, and
+    where other marks stand between its cells: programs write them beside decimal commas.
+    """
+    try:
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    except OSError as error:
+        raise ValueError(f"cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise ValueError("is no UTF-8 text") from None
+    except ValueError:  # of a zero, and of half a character
+        raise ValueError("is no name of a file") from None
+    for mark, marks in ((";", "semicolons"), ("\t", "tabs")):
+        if mark in "".join(lines[:1]):
+            must = "write commas there, and decimal points in numbers, as 2.1"
+            raise ValueError(f"has {marks} between its cells: {must}")
+    try:
+        return [[cell.strip() for cell in row] for row in csv.reader(lines)]
+    except csv.Error as error:
+        raise ValueError(f"is no table: {error}") from None
 
 
 def as_csv(table: "xr.Dataset") -> str:

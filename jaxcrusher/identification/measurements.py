@@ -12,7 +12,6 @@ time, angle_deg, frame_velocity_y (mm/s)
 ```
 """
 
-import csv
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxcrusher.basics.checks import number_in, require, require_positive, require_whole
+from jaxcrusher.files.table import read_cells
 from jaxcrusher.scenes.scene_file import quantity_in
 
 # Returns the SI unit of a quantity; ValueError for an unknown one.
@@ -97,10 +97,9 @@ def read_measured(
     Raises ValueError, with the file and the line, for what is neither.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: cannot be read: {error}.") from None
-    rows = [[cell.strip() for cell in row] for row in csv.reader(text.splitlines())]
+        rows = read_cells(path)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}.") from None
     header = [_COLUMNS.get(name, (name, 1.0)) for name in (rows[0] if rows else [])]
     names = [name for name, _ in header]
     is_series = {"time", "angle"} <= {*names}

@@ -12,7 +12,7 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import Vector, scalar
-from jaxcrusher.basics.record import Record
+from jaxcrusher.basics.record import Printed, Record
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import AbstractNormalForce
 
@@ -38,7 +38,7 @@ class Contact(Record):
     journal_moment: Scalar | None = None  # on the journal about its centre, N m
 
 
-class AbstractBearing(eqx.Module):
+class AbstractBearing(Printed):
     """A bearing body, a journal body, a radial clearance, and what they do to each other.
 
     `friction` is that of sliding surfaces, None without. `norm_width` (m) smooths |e| at e = 0.

@@ -11,11 +11,12 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import scalar
+from jaxcrusher.basics.record import Printed
 
 _SPEED = {"unit": "m/s"}
 
 
-class AbstractSlip(eqx.Module):
+class AbstractSlip(Printed):
     """Which speed a friction law sees."""
 
     @abc.abstractmethod
@@ -46,7 +47,7 @@ class SurfaceSlip(AbstractSlip):
         return surface_speed
 
 
-class AbstractFriction(eqx.Module):
+class AbstractFriction(Printed):
     """A tangential force as a function of the normal force and a slip speed."""
 
     slip: eqx.AbstractVar[AbstractSlip]

@@ -11,6 +11,7 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import scalar
+from jaxcrusher.basics.record import Printed
 
 # e* of a free impact by powers of the damping factor, highest first: the equation of
 # `AbstractNormalLaw.delivered_restitution` solved power by power.
@@ -41,7 +42,7 @@ def cylinder_stiffness(bore_radius, clearance, young=207e9, poisson=0.29) -> Sca
     return 4 / (3 * compliance) * jnp.sqrt(bore_radius * pin_radius / clearance)
 
 
-class AbstractImpactVelocity(eqx.Module):
+class AbstractImpactVelocity(Printed):
     """The impact velocity that a dissipative law divides by.
 
     `memory` is what it must remember along the motion: a scalar (m/s), or None.
@@ -116,7 +117,7 @@ class TrackedImpactVelocity(AbstractImpactVelocity):
         return (approach - memory) * closing / (self.lag * gap)
 
 
-class AbstractNormalForce(eqx.Module):
+class AbstractNormalForce(Printed):
     """A normal force by penetration and its rate; positive where it pushes the surfaces apart."""
 
     impact_velocity: eqx.AbstractVar[AbstractImpactVelocity]

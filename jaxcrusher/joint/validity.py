@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Scalar
 
+from jaxcrusher.basics.record import Printed
 from jaxcrusher.joint.clearance import AbstractBearing
 
 # At this half-width over the radius the parabola that Hertz puts for the bore's circle is 7 %
@@ -24,7 +25,7 @@ RESTITUTION_ERROR = 0.05
 WIDEST_CLEARANCE = 0.01
 
 
-class Tautness(eqx.Module):
+class Tautness(Printed):
     """A tension rod against the limit of its law: it holds nothing where it is slack."""
 
     least_tension: Scalar  # N; what a rod would pull that can push
@@ -40,7 +41,7 @@ class Tautness(eqx.Module):
         return [] if bool(self.inside) else [f"slack, short of tension by {slack:.3g} N"]
 
 
-class Turning(eqx.Module):
+class Turning(Printed):
     """A free shaft against the limit of friction laws: regularised, they hold nothing at rest."""
 
     least_speed: Scalar  # rad/s
@@ -57,7 +58,7 @@ class Turning(eqx.Module):
         return ["comes to rest, where friction without stiction does not hold it"]
 
 
-class RollerLoad(eqx.Module):
+class RollerLoad(Printed):
     """A roller bearing against its static rating: beyond it the raceways keep dents (ISO 76)."""
 
     pressure_ratio: Scalar  # largest pressure over the 4 GPa that define the rating
@@ -81,7 +82,7 @@ def _within(ratio: Scalar | None, most: float) -> Bool[Array, "*batch"]:
     return jnp.asarray(False) if ratio is None else ratio <= most
 
 
-class Validity(eqx.Module):
+class Validity(Printed):
     """A motion against the limits of its contact model; all without unit, None if not known."""
 
     # Hertz's half-width over the bore's or a roller's radius, largest

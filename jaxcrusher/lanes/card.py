@@ -11,7 +11,6 @@ import contextlib
 import threading
 from collections.abc import Iterator, Mapping
 from functools import cache
-from importlib.metadata import version
 from math import prod
 from typing import Any
 
@@ -22,6 +21,7 @@ from jaxcrusher.lanes.code import WARPS
 from jaxcrusher.lanes.layout import FIELDS, WRITTEN, Shared, lane_shapes
 from jaxcrusher.lanes.machine import Target, kept, optimised
 from jaxcrusher.lanes.stepper import Kernels
+from jaxcrusher.version import version_of
 
 # The oldest generation that CUDA 13 knows; drivers compile its PTX for later ones.
 _GENERATION = "sm_75"
@@ -77,7 +77,7 @@ def _warps(text: str, device: int) -> Any:
     1.17 times as long.
     """
     module = _cupy().cuda.function.Module()
-    module.load(kept("ptx", lambda: ptx(text), text, _ENTRY, _GENERATION, version("llvmlite")))
+    module.load(kept("ptx", lambda: ptx(text), text, _ENTRY, _GENERATION, version_of("llvmlite")))
     return module.get_function("warps")
 
 

@@ -10,7 +10,6 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from functools import cache
-from importlib.metadata import version
 from math import prod
 from pathlib import Path
 from typing import NamedTuple
@@ -32,6 +31,7 @@ from jaxcrusher.lanes.layout import (
     table,
 )
 from jaxcrusher.lanes.stepper import Kernels
+from jaxcrusher.version import version_of
 
 # Bytes of a line of the processor's cache.
 _LINE = 64
@@ -71,7 +71,7 @@ def _load(text: str) -> Machine:
     def compiled() -> bytes:
         return _target().emit_object(optimised(text, _target()))
 
-    return Machine(kept("code", compiled, text, *_processor(), version("llvmlite")))
+    return Machine(kept("code", compiled, text, *_processor(), version_of("llvmlite")))
 
 
 def kept(kind: str, compiled: Callable[[], bytes], *key: str) -> bytes:

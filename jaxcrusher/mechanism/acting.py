@@ -12,7 +12,7 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import is_concrete, require
 from jaxcrusher.basics.plane import Vector, optional_scalar, scalar
-from jaxcrusher.basics.record import Record
+from jaxcrusher.basics.record import Printed, Record
 from jaxcrusher.basics.smooth import norm, positive_part, positive_power_integral
 from jaxcrusher.mechanism.equations import Wrench, wrench_at
 from jaxcrusher.mechanism.linkage import Point, require_direction
@@ -22,7 +22,7 @@ from jaxcrusher.mechanism.supports import OnSupports
 from jaxcrusher.mechanism.topology import FRAME
 
 
-class AbstractPush(eqx.Module):
+class AbstractPush(Printed):
     """A force between the frame and a point of a body.
 
     Its reaction acts on the frame in the same line, as that of the gas on a piston acts on the

@@ -16,7 +16,7 @@ from jaxcrusher.basics.checks import (
     require_positive,
 )
 from jaxcrusher.basics.plane import scalar
-from jaxcrusher.basics.record import Record
+from jaxcrusher.basics.record import Printed, Record
 from jaxcrusher.mechanism.motion import Crank
 
 
@@ -32,7 +32,7 @@ def from_nearest_turn(angle: Scalar) -> Scalar:
     return angle - 2 * jnp.pi * jnp.round(angle / (2 * jnp.pi))
 
 
-class AbstractDrive(eqx.Module):
+class AbstractDrive(Printed):
     """A drive; the crank starts at angle 0.
 
     `speed` (rad/s) is the mean or nominal speed, and the unit of time of turns and windows: a turn

@@ -19,6 +19,7 @@ from jaxcrusher.basics.checks import (
     require_positive,
 )
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.record import Printed
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
 from jaxcrusher.mechanism.acting import Acting
 from jaxcrusher.mechanism.drives import AbstractDrive
@@ -31,7 +32,7 @@ from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation, OnSupports
 
 
-class AbstractScene(eqx.Module):
+class AbstractScene(Printed):
     """A linkage with its drive, its loose joints, and how its equations are written."""
 
     # The statistic by which errors of a motion are judged.

@@ -15,13 +15,14 @@ from jaxtyping import ArrayLike, Scalar
 
 from jaxcrusher.basics.checks import primal, require, require_positive, require_within
 from jaxcrusher.basics.plane import Vector, arm_to, optional_scalar, scalar
+from jaxcrusher.basics.record import Printed
 from jaxcrusher.mechanism.equations import MovingFrame, Wrench
 from jaxcrusher.mechanism.linkage import Body
 from jaxcrusher.mechanism.snapshot import FrameMotion
 from jaxcrusher.mechanism.topology import FRAME
 
 
-class AbstractFoundation(eqx.Module):
+class AbstractFoundation(Printed):
     """Ground under the frame; a scene without a foundation has a clamped frame.
 
     `point` (m, in the frame's axes) is what moments on the ground are counted about.

@@ -18,6 +18,7 @@ from jaxcrusher.basics.integrate import (
     failure_text,
     integrate,
 )
+from jaxcrusher.basics.record import Printed
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.observables import OBSERVABLES, OF_ROD
 from jaxcrusher.mechanism import observables
@@ -53,7 +54,7 @@ def _works(scene: AbstractScene) -> dict[str, Callable]:
     return found | ({} if scene.supports is None else {"support_loss": observables.support_loss})
 
 
-class Energy(eqx.Module):
+class Energy(Printed):
     """The energy ledger: energies, and work since time zero, J; shape (times,) or one instant.
 
     Springs of supports and rod count as elastic; `support_loss` is what dampers of supports took,

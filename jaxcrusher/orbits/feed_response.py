@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.checks import nan_unless, primal, require, require_kind, require_own_process
 from jaxcrusher.basics.loops import one_by_one
+from jaxcrusher.basics.record import Printed
 from jaxcrusher.crusher.loads import Multiplied, RoughFeed
 from jaxcrusher.crusher.observables import foundation_force
 from jaxcrusher.crusher.scene import Scene, crusher_of
@@ -35,7 +36,7 @@ STEEPEST = 30.0
 BISECTIONS, RANGE = 50, math.log(30.0)
 
 
-class FeedResponse(eqx.Module):
+class FeedResponse(Printed):
     """An orbit under a rough feed: standard deviations by angle, and how often contact is lost.
 
     Linear in the scatter, but for `expected_rms`. NaN where the orbit is not stable or loses

@@ -18,6 +18,7 @@ from jaxcrusher.basics.checks import (
     require_names,
     require_own_process,
 )
+from jaxcrusher.basics.record import words
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.mechanism.eccentricity import EccentricityState
 from jaxcrusher.mechanism.reductions import SAMPLES
@@ -59,12 +60,6 @@ class WAYS(eqx.Enumeration):  # pyright: ignore
     shot_nodes = "by shooting, and by nodes from there"
     doubling = "from an unstable orbit of half the turns, whose period has doubled"
     branch = "along a branch"
-
-
-def words(kind: Any, item: PyTree) -> str:
-    """Say in one line what an entry of an enumeration means (concrete values only)."""
-    # Equinox reads the codes of JAX's arrays only, not of NumPy's.
-    return " ".join(str(kind[jax.tree.map(jnp.asarray, item)]).split())
 
 
 class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):

@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float, Scalar
 
 from jaxcrusher.basics import integrate as integration
 from jaxcrusher.basics.integrate import Outcome, integrate
+from jaxcrusher.basics.record import words
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.starts import InContact
 from jaxcrusher.motion.flow import Flow, initial_state, unflattened
@@ -27,7 +28,7 @@ from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistics import by_turns, of_whirl, statistics_problem
 from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.forced import coordinates
-from jaxcrusher.orbits.result import RESULTS, words
+from jaxcrusher.orbits.result import RESULTS
 
 # Turns of the first round, half of which make a mean: a multiple of all periods up to six. Each
 # round lasts as long as all before it. They are integrated in pieces, between which the steps are

@@ -37,7 +37,8 @@ def collocate(
 
     `tolerance` bounds the last step, in the unit of x: choose that of order one. Differentiable
     by the system's numbers in both directions, by the implicit function theorem and never through
-    Newton's steps; the guess has no slope. Where the search failed the orbit is NaN.
+    Newton's steps; the guess has no slope. Where the search failed the orbit is NaN, and the second
+    result's `failure` says why.
 
     Raises ValueError for a guess of another shape, or with an odd number of nodes.
     """

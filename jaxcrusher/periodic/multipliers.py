@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, Scalar
 
 from jaxcrusher.basics.loops import on_a_gpu
+from jaxcrusher.basics.record import Printed
 from jaxcrusher.periodic.system import System
 from jaxcrusher.periodic.trigonometric import resample
 
@@ -30,7 +31,7 @@ UNSURE, MORE_STEPS = 1e-6, (8 * STEPS, 64 * STEPS)
 GAUSS = math.sqrt(0.15)
 
 
-class Multipliers(eqx.Module):
+class Multipliers(Printed):
     """Multipliers of an orbit over its period, and the matrix that they are of."""
 
     values: Complex[Array, " twodims"]

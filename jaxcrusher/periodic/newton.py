@@ -20,6 +20,8 @@ import numpy as np
 from jax.scipy.linalg import lu_factor, lu_solve
 from jaxtyping import Array, Bool, Float, Int, Scalar
 
+from jaxcrusher.basics.record import Printed, words
+
 # The shortest step, as a share of Newton's; from the host, where each evaluation takes seconds.
 LEAST_SHARE, LEAST_ON_HOST = 1e-6, 0.1
 # In place of zero where it would divide.
@@ -38,7 +40,7 @@ class RESULTS(eqx.Enumeration):  # pyright: ignore
 Factors = tuple[Float[Array, "n n"], Int[Array, " n"]]
 
 
-class Root(eqx.Module):
+class Root(Printed):
     """Where Newton's method ended, and the LU factors of the Jacobian one step before."""
 
     point: Float[Array, " n"]
@@ -51,6 +53,11 @@ class Root(eqx.Module):
     def success(self) -> Bool[Array, "*batch"]:
         """Converged."""
         return self.result == RESULTS.successful
+
+    @property
+    def failure(self) -> str:
+        """Why there is no zero, or nothing (one search with concrete values only)."""
+        return words(RESULTS, self.result)
 
 
 def _foreseen(expected: Any, moved: Any, step: Any, xp: ModuleType) -> Any:

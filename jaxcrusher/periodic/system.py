@@ -15,13 +15,14 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree, Scalar
 
 from jaxcrusher.basics.loops import one_by_one
+from jaxcrusher.basics.record import Printed
 from jaxcrusher.periodic.trigonometric import differentiation, nodes, resample
 
 # time, x, x', args -> x''; x of shape (dims,)
 Acceleration = Callable[[Scalar, Array, Array, PyTree], Array]
 
 
-class System(eqx.Module):
+class System(Printed):
     """x'' = acceleration(t, x, x', args) - damping x', with everything of `period` in t."""
 
     acceleration: Acceleration = eqx.field(static=True)

@@ -45,6 +45,7 @@ from jaxcrusher.basics.checks import (
     concrete,
     is_concrete,
     nan_unless,
+    renamed,
     require,
     require_choice,
     require_known,
@@ -216,7 +217,7 @@ class Drawing:
         choices |= _CHOICES
         for name, value in values.items():
             if name in choices:
-                require_choice(name, value, choices[name])
+                _require_choice(name, value, choices[name])
                 continue
             NUMBERS.setdefault(name, _parameter(name))
             check_number(name, value)
@@ -446,8 +447,16 @@ def _joints(reading: _Reading) -> tuple[tuple[str, str, str], ...]:
             name = f"joints.{item}.{key}"
             CHOICES[name] = laws  # known from now on, as numbers are
             reading.values[name] = law = keys.pop(key, laws[0])
-            require_choice(name, law, laws)
+            _require_choice(name, law, laws)
     return tuple(found)
+
+
+def _require_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
+    """Raise ValueError for a law that is none of the package, also for a class of one's own."""
+    own = isinstance(value, str) and ":" in value
+    must = "name a law of the package (one of your own is put into the joint of a scene in Python)"
+    require(not own, name, must, value)
+    require_choice(name, value, choices)
 
 
 def drawn(
@@ -552,19 +561,10 @@ def _sides(reading: _Reading, dyads: Iterable[Any]) -> tuple[int, ...]:
 
 def _curve(at: str, given: Any, folder: Path) -> tuple:
     """Return the points of a curve, a file's or an array's, as tuples."""
-    try:
-        points = read_curve(str(folder / given)) if isinstance(given, str) else _numbers(given)
+    with renamed(load_curve=f"{at}.curve"):
+        points = read_curve(folder / given if isinstance(given, str | Path) else given)
         load_curve(points)
-    except ValueError as error:
-        raise ValueError(str(error).replace("`load_curve`", f"`{at}.curve`")) from None
     return tuple(map(tuple, points.tolist()))
-
-
-def _numbers(given: Any) -> np.ndarray:
-    try:
-        return np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError("Argument `load_curve` must be pairs [rad, N], but is not.") from None
 
 
 # Least sine of the angle between two links, or between a link and the perpendicular of its slide. A

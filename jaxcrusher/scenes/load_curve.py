@@ -11,11 +11,12 @@ Angles lie in [0, 360], in any order and at any spacing, and the curve closes by
 
 import functools
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike
+from jaxtyping import Array
 
 from jaxcrusher.basics.checks import number_in, primal, require
 from jaxcrusher.basics.periodic_spline import (
@@ -25,6 +26,7 @@ from jaxcrusher.basics.periodic_spline import (
     series_of,
     spline_through,
 )
+from jaxcrusher.files.table import read_cells
 
 HEADER = ["angle_deg", "force_kN"]
 # Of two points a periodic cubic spline knows only their difference.
@@ -37,7 +39,7 @@ SAME_ANGLE = 1e-6
 MOST, ORDERS, MISSED = 64, 48, 1e-6
 
 
-def load_curve(given: ArrayLike | str) -> PeriodicSpline | PeriodicSeries:
+def load_curve(given: Any) -> PeriodicSpline | PeriodicSeries:
     """Return the spline through a curve: a CSV file, or an array (n, 2) of rad and N.
 
     A smooth curve through more than `MOST` known points is replaced by `ORDERS` orders of its
@@ -45,7 +47,7 @@ def load_curve(given: ArrayLike | str) -> PeriodicSpline | PeriodicSeries:
     cannot be read, and for too few points, numbers that are not finite, angles outside a turn or
     repeated, and two forces where the turn closes.
     """
-    points = read_curve(given) if isinstance(given, str) else jnp.asarray(given, dtype=float)
+    points = read_curve(given)
     shape = points.shape
     good = len(shape) == 2 and shape[1] == 2
     require(good, "load_curve", "have shape (n, 2), of angle and force", f"of shape {shape}")
@@ -69,8 +71,14 @@ def _is_smooth(content: bytes) -> bool:
     return bool(off.max() <= MISSED * np.abs(force).max())
 
 
-def read_curve(path: str) -> np.ndarray:
-    """Return the points of a CSV file, shape (n, 2), in rad and N; ValueError as `load_curve`."""
+def read_curve(given: Any) -> Array | np.ndarray:
+    """Return the points of a CSV file or an array, in rad and N; ValueError as `load_curve`."""
+    if not isinstance(given, str | Path):
+        try:
+            return jnp.asarray(given, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError("Argument `load_curve` must be pairs [rad, N], but is not.") from None
+    path = str(given)
 
     def fail(why: str) -> ValueError:
         return ValueError(
@@ -78,15 +86,9 @@ def read_curve(path: str) -> np.ndarray:
         )
 
     try:
-        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
-    except OSError as error:
-        raise fail(f"cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise fail("is no UTF-8 text") from None
-    except ValueError:  # of a zero, and of half a character
-        raise fail("is no name of a file") from None
-    rows = [(i, [cell.strip() for cell in line.split(",")]) for i, line in enumerate(lines, 1)]
-    rows = [(i, cells) for i, cells in rows if cells != [""]]
+        rows = [(i, cells) for i, cells in enumerate(read_cells(path), 1) if any(cells)]
+    except ValueError as error:
+        raise fail(str(error)) from None
     if not rows or rows[0][1] != HEADER:
         raise fail(f"does not begin with the line {', '.join(HEADER)}")
     points = []
@@ -94,7 +96,7 @@ def read_curve(path: str) -> np.ndarray:
         try:
             angle, force = map(number_in, cells)
         except ValueError:
-            raise fail(f"has no angle and force in line {i}") from None
+            raise fail(f"has no angle and force in line {i}: they have decimal points") from None
         points.append((np.radians(angle), 1e3 * force))
     return np.array(points).reshape(-1, 2)
 

@@ -411,7 +411,10 @@ def check_number(name: str, value: ArrayLike) -> None:
         unit = "" if parameter.unit == "1" else f" in {parameter.unit}"
         require(False, name, f"be a number{unit} ({parameter.meaning}{listed})", repr(value))
     if parameter.limits is None:
-        require_positive(name, value, parameter.unit)
+        ideal = " (an ideal joint has `joint=ideal`)" if name == "clearance" else ""
+        if name.endswith(".clearance"):
+            ideal = " (an ideal joint has none: leave it out)"
+        require_positive(name, value, parameter.unit + ideal)
     else:
         unit = "" if parameter.unit == "1" else parameter.unit
         require_within(name, value, *parameter.limits, unit)

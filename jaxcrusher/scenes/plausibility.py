@@ -301,12 +301,12 @@ RATIOS = (
 def _unused(values: Mapping[str, Any]) -> set[str]:
     """Return the numbers of a description that its motion is not made of: nobody means them."""
     load = concrete(values["load"])
-    without = not _has_constant_load(values) or (load is not None and not np.any(load))
+    without = not has_constant_load(values) or (load is not None and not np.any(load))
     ideal = values["joint"] == "ideal"
     return ({"load"} if without else set()) | ({"clearance"} if ideal else set())
 
 
-def _has_constant_load(values: Mapping[str, Any]) -> bool:
+def has_constant_load(values: Mapping[str, Any]) -> bool:
     """Return whether the load is the number `load`; other laws have their own force, or none."""
     law = LAWS["load_law"].get(values.get("load_law", ""), AbstractConstantLoad)
     return law is not None and issubclass(law, AbstractConstantLoad)
@@ -373,7 +373,7 @@ def borrowed(given: Mapping[str, Any]) -> list[str]:
 
     Those of a part that it need not have, such as rollers or supports, count where it has it.
     """
-    known = set(given) | (set() if _has_constant_load(given) else {"load"})
+    known = set(given) | (set() if has_constant_load(given) else {"load"})
     left = (CHAMBER.keys() | complete(given).keys()) - known
     return [n for n in NUMBERS if n in left and (n == "load" or n.startswith(OF_A_MACHINE))]
 

@@ -29,7 +29,7 @@ from unicodedata import normalize
 import numpy as np
 import pint
 
-from jaxcrusher.basics.checks import require, require_choice
+from jaxcrusher.basics.checks import renamed, require, require_choice
 from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.scenes.build import build_scene, by_stroke
 from jaxcrusher.scenes.own_laws import is_own, law_class, make_known
@@ -202,10 +202,8 @@ def read_value(name: str, value: Any, folder: Path = Path()) -> float | str:
     `read_scene_file` does.
     """
     if (key := key_of(name)) != name:
-        try:
+        with renamed(**{key: name}):
             return float(read_value(key, value)) / 2
-        except ValueError as error:
-            raise ValueError(str(error).replace(f"`{key}`", f"`{name}`")) from None
     if is_own(name, value):
         law_class(name, value)
         return value

@@ -40,6 +40,7 @@ REFUSED = [
     (require_positive, (0.0, "m"), "must be finite and > 0 m, but is 0.0"),
     (require_positive, (np.inf, ""), "must be finite and > 0, but is inf"),
     (require_positive, (np.array([1.0, -1.0]), "m"), "must be finite and > 0 m"),
+    (require_positive, (-np.ones((40, 2)), "m"), r"but is \[\[-1. -1.\] \[.{60,90} \.\.\.\.$"),
     (require_positive, ("1", "m"), "must be a number, but is '1'"),
     (require_within, (-1e-9, 0.0, 1.0), r"must lie in \[0, 1\], but is -1e-09"),
     (require_within, (1.0 + 1e-9, 0.0, 1.0, "m"), r"must lie in \[0, 1\] m, but is"),

@@ -1,10 +1,11 @@
 """Vectors of the plane are complex numbers, with the same rules."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.basics.plane import Vector, direction, minus, optional_scalar, plus, scalar
+from jaxcrusher.basics.plane import Arm, Vector, direction, minus, optional_scalar, plus, scalar
 
 ONE, OTHER = 3.0 - 4.0j, -0.5 + 2.0j
 TURN = 0.6 + 0.8j  # of length one
@@ -45,6 +46,15 @@ def test_products_are_parts_of_the_complex_one():
 def test_scalars_are_floats():
     assert scalar(1).dtype == jnp.float64 and optional_scalar(2) == 2.0
     assert optional_scalar(None) is None
+
+
+def test_numbers_are_printed_where_they_are_known():
+    """Of many there is a type with a shape, and of a number that is traced its type."""
+    assert repr(Vector(0.1 + 0.2, -4e-5)) == "Vector(x=0.3, y=-4e-05)"
+    assert repr(Arm(jnp.inf)) == "Arm(x=inf)"
+    many, seen = jax.vmap(vector)(jnp.array([1j, 2j])), []
+    jax.jit(lambda one: seen.append(repr(one)))(A)
+    assert [repr(many), *seen] == ["Vector(x=f64[2], y=f64[2])", "Vector(x=f64[], y=f64[])"]
 
 
 @pytest.mark.parametrize(("one", "other"), [(3.0, 5.0), (None, 5.0), (3.0, None)])

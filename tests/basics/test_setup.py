@@ -70,15 +70,15 @@ MINE = "--xla_cpu_enable_fast_math=false"
 OTHER = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=7"
 THREE = "--xla_force_host_platform_device_count=3"
 CORES = len(os.sched_getaffinity(0))
-# A checkout that was never installed: nothing knows a distribution of its name.
+# A checkout that was never installed, and a bundle: no distribution of some names has metadata.
 BARE = """
 import importlib.metadata as metadata
 found = metadata.Distribution.from_name.__func__
-def but_ours(kind, name):
-    if name == "jaxcrusher":
+def but_some(kind, name):
+    if name in ("jaxcrusher", "jaxlib", "llvmlite"):
         raise metadata.PackageNotFoundError(name)
     return found(kind, name)
-metadata.Distribution.from_name = classmethod(but_ours)
+metadata.Distribution.from_name = classmethod(but_some)
 """
 
 

@@ -403,6 +403,13 @@ def test_failing_worker_names_the_chunk():
             list(compute_on(client, ensemble.compute, ensemble.layout.name, settings, [0]))
 
 
+@pytest.mark.parametrize("given", [2, 2.0, "2", "abc", "x://host:1"])
+def test_a_scheduler_that_is_none_is_refused(given):
+    pytest.importorskip("distributed")
+    with pytest.raises(ValueError, match=rf"^Argument `scheduler` must be a .* is {given!r}\.$"):
+        jc.sweep(AXES, **IDEAL, scheduler=given)
+
+
 def test_missing_dask_is_one_clear_line(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(ImportError, match=r"needs Dask: pip install 'jaxcrusher\[cluster\]'\.$"):

@@ -1,6 +1,7 @@
 """The batch engine and the sweep."""
 
 import json
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -132,6 +133,13 @@ def test_a_curve_may_be_an_array():
     for bad in (np.zeros(3), [[1.0, 2.0], [3.0]]):
         with pytest.raises(ValueError, match=r"^Argument `base\['load_curve'\]` must be rows of"):
             jc.sweep({"speed": [25.0]}, 0, 1, base=base | {"load_curve": bad})
+
+
+def test_a_file_may_be_a_path():
+    file, described = Path("examples/double_toggle_load.csv"), {"load_law": "by_angle"}
+    one = make_grid({"speed": [25.0]}, described | {"load_curve": file})
+    other = make_grid({"speed": [25.0], "load_curve": [file]}, described)
+    assert one.base["load_curve"] == str(file) and other.axes["load_curve"] == (str(file),)
 
 
 def test_choices_come_in_any_order():

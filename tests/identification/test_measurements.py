@@ -45,6 +45,7 @@ def test_a_table(tmp_path):
         (TABLE.replace("phase_deg", "phase_rad"), "each once, but is with speed_rpm, .*phase_rad"),
         (TABLE.replace("unit", "speed"), "must have no columns but amplitude"),
         ("time, angle, angle_deg\n", "quantities, each once, but is with time, angle, ang"),
+        (TABLE.replace(",", ";"), "measured.csv: has semicolons between its cells: write commas"),
         (TABLE.replace("mm/s", "mm"), "line 2: Argument `unit` must have a unit of the kind m/s"),
         (TABLE.replace("1.31", "fast"), "line 2: could not convert"),
         (TABLE.replace("1.31", "1_31"), "line 2: '1_31' is no number"),
@@ -60,7 +61,9 @@ def test_files_that_are_refused(text, words, tmp_path):
     path.write_text(text)
     with pytest.raises(ValueError, match=words):
         read_measured(path, unit_of)
-    with pytest.raises(ValueError, match="cannot be read"):
+    with pytest.raises(
+        ValueError, match=r"none\.csv: cannot be read: No such file or directory\.$"
+    ):
         read_measured(tmp_path / "none.csv", unit_of)
 
 

@@ -42,6 +42,9 @@ def test_print_shows_numbers_and_units(results):
     mean = float(summary.foundation_mean)
     assert str(summary) == f"Statistics\n  foundation_mean {mean:.10g} N"
     assert str(motion) == "Trajectory\n  drive_torque (2,) N m"
+    # Of what is not by name too: a result in words, and a whole number.
+    outcome = " ".join(str(motion.outcome).split())
+    assert "RESULTS<>, reached=" in outcome and f"steps={int(motion.outcome.steps)}" in outcome
     failed = jc.statistics(
         jc.paper_scene(30.0, 6e-5), 0, 1, outputs=("winding",), method=jc.Method(max_steps=10)
     )

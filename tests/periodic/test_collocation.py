@@ -215,7 +215,9 @@ def test_failures_have_reasons():
     assert root.result in (RESULTS.no_descent, RESULTS.too_many_steps)
     assert np.isnan(x).all()
     undefined = System(lambda t, x, v, a: jnp.sqrt(x), period, None)
-    assert collocate(undefined, -jnp.ones((16, 1)))[1].result == RESULTS.not_finite
+    none = collocate(undefined, -jnp.ones((16, 1)))[1]
+    assert none.result == RESULTS.not_finite
+    assert none.failure == "The equations are not finite at the guess." and not root.success
     system = duffing_system((0.1, 0.5, 0.3), 0.6)
     short = collocate(system, harmonic(5.0, 0.0, 16), max_steps=2)[1]
     assert short.result == RESULTS.too_many_steps

@@ -308,6 +308,10 @@ REFUSED = {
         {"slides": {"guide": {"body": "slider", "along": [0, 0]}}},
         "along` must be a direction, but is zero",
     ),
+    "a law of one's own": (
+        {"joints": {"B": LOOSE | {"contact_law": "laws:Mine"}}},
+        "joints.B.contact_law` must name a law of the package (one of your own is put into the",
+    ),
     "a negative mass": (
         {"bodies": {"rod": {"mass": -1.0, "inertia": 2e-4}}},
         "bodies.rod.mass` must be finite and > 0 kg",

@@ -89,15 +89,27 @@ def test_bad_files(tmp_path):
         "header": (written(tmp_path / "a.csv", header="angle, force"), "does not begin with"),
         "cells": (written(tmp_path / "b.csv", [[0, "many"]]), "angle and force in line 2"),
         "grouped": (written(tmp_path / "c.csv", [["1_0", 5]]), "angle and force in line 2"),
-        "missing": (tmp_path / "none.csv", "cannot be read"),
+        "decimals": (
+            written(tmp_path / "d.csv", [["0,2", "1"]]),
+            "force in line 2: they have decimal points",
+        ),
+        "missing": (tmp_path / "none.csv", "cannot be read: No such file"),
+        "semicolons": (tmp_path / "e.csv", "'.*e.csv' has semicolons between its cells: write com"),
+        "tabs": (tmp_path / "f.csv", r"has tabs .*, and decimal points in numbers, as 2\.1\.$"),
         "zero": ("a\0.csv", r"but 'a\\x00\.csv' is no name of a file"),
         "half a character": ("\ud800.csv", r"but '\\ud800\.csv' is no name of a file"),
     }
+    for mark, name in ((";", "e.csv"), ("\t", "f.csv")):
+        (tmp_path / name).write_text(f"angle_deg{mark}force_kN\n0{mark}2,1\n90{mark}4,8\n")
     for path, words in cases.values():
         with pytest.raises(ValueError, match=words):
-            load_curve(str(path))
+            load_curve(path)
     with pytest.raises(ValueError, match="shape"):
         load_curve(np.zeros(4))
+    with pytest.raises(
+        ValueError, match=r"^Argument `load_curve` must be pairs \[rad, N\], but is"
+    ):
+        load_curve([["a", 1.0]])
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.commands import foundation
+from jaxcrusher.commands.crushers import read_machine
 from jaxcrusher.commands.options import Crusher, Foundation, Results
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits.load_sheet import Row, Site, sheet
@@ -143,6 +144,22 @@ def test_a_run_that_fails_leaves_ideal_joints(tmp_path, monkeypatch):
 def test_bad_options(tmp_path, given, words):
     with pytest.raises(ValueError, match=re.escape(words)):
         foundation.run(Foundation(results=Results("bad", tmp_path), **given), Console())
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ((), "load_law along_jaw, load 8800 N"),
+        ((("load_law", "none"),), "load_law none"),
+        (
+            (("load_law", "by_angle"), ("load_curve", "examples/double_toggle_load.csv")),
+            "load_law by_angle, load_curve examples/double_toggle_load.csv, load_factor 1",
+        ),
+    ],
+)
+def test_the_heading_has_the_load_that_there_is(given, told):
+    crusher = Crusher(overrides=(("joint", "ideal"), *given))
+    assert foundation.heading(read_machine(crusher), crusher, None)["loads"] == told
 
 
 def test_a_clamped_page_has_no_critical_speeds():
