@@ -215,6 +215,7 @@ def rotor():
 RUBBING_FOLDS = 1.0759638801, 1.0075233774
 
 
+@pytest.mark.optimised
 def test_a_branch_that_wiggles_within_its_error_adds_nodes(rotor, monkeypatch):
     """By 96 nodes the branch turns back three times near its first fold; by 192 once."""
     branch = rotor()
@@ -230,6 +231,7 @@ def test_a_branch_that_wiggles_within_its_error_adds_nodes(rotor, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.optimised
 def test_folds_of_a_rotor_that_rubs(rotor):
     """As SciPy has them, each of them once."""
     found = [special for special in sharp_points(rotor()) if special.kind == "fold"]
