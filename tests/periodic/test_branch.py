@@ -207,7 +207,7 @@ def rotor():
     family = lambda speed: System(rubbing, 2 * jnp.pi / speed, speed)  # noqa: E731
     x, root = collocate(family(jnp.asarray(0.9)), jnp.zeros((96, 2)))
     assert root.success
-    how = dict(scale=0.1, bounds=(0.9, 1.2), points=50)
+    how = dict(scale=0.1, bounds=(0.9, 1.2))
     return partial(follow, CollocationProblem(family=family), x, 0.9, **how)
 
 
@@ -218,13 +218,13 @@ RUBBING_FOLDS = 1.0759638801, 1.0075233774
 @pytest.mark.optimised
 def test_a_branch_that_wiggles_within_its_error_adds_nodes(rotor, monkeypatch):
     """By 96 nodes the branch turns back three times near its first fold; by 192 once."""
-    branch = rotor()
+    branch = rotor(points=36)
     assert {len(point.u) for point in branch.points} == {192}
     turns = branch.parameter[np.flatnonzero(np.diff(np.sign(np.diff(branch.parameter)))) + 1]
-    # The points nearest to the folds: a step moves the parameter by less there.
-    np.testing.assert_allclose(turns, RUBBING_FOLDS, atol=3e-3)
+    # At the point nearest to the fold a step moves the parameter by less.
+    np.testing.assert_allclose(turns, RUBBING_FOLDS[:1], atol=1e-4)
     monkeypatch.setattr(collocation_problem, "MOST_NODES", 96)
-    cut = rotor()
+    cut = rotor(points=36)
     assert cut.ended == WIGGLES
     # Where contact begins to bend the branch.
     assert 1.0 < cut.parameter[-1] < RUBBING_FOLDS[0]
@@ -234,7 +234,7 @@ def test_a_branch_that_wiggles_within_its_error_adds_nodes(rotor, monkeypatch):
 @pytest.mark.optimised
 def test_folds_of_a_rotor_that_rubs(rotor):
     """As SciPy has them, each of them once."""
-    found = [special for special in sharp_points(rotor()) if special.kind == "fold"]
+    found = [special for special in sharp_points(rotor(points=60)) if special.kind == "fold"]
     for special, fold in zip(found, RUBBING_FOLDS, strict=True):
         # 384 nodes leave 1e-7 of the first one, where contact changes fastest.
         assert abs(special.parameter - fold) < min(special.error, 1e-6)
