@@ -155,7 +155,8 @@ def orbit_branch(
     - `scale`: what a change of the parameter is small against, > 0; None is a thirtieth of
       `start`. Steps are a tenth of it at most, and shorter where multipliers move fast.
     - `period`, `nodes`: turns, and an even number of nodes a turn, unless it is shot for. None is
-      the guess's or 1, and 192 or those of a departure.
+      the guess's or 1, and 192 or those of a departure. Where the branch wiggles within the error
+      of its nodes, it is followed again with twice as many, up to 384.
     - `points`: at most.
     - `guess`: of the first motion, as in `periodic_orbit`. Neither it nor `period` is used with
       a departure.

@@ -26,6 +26,9 @@ LEAST_COSINE = 0.9
 CLOSED = 8
 # No multiplier near the unit circle moves further in a step, so that none passes -1 or 1 unseen.
 MOST_MOVED = 0.6
+# The defect of the equations moves the branch. If this shift changes along a step by more than this
+# share of the step, the branch of the equations may turn back where the exact one does not.
+MOST_SHAKEN = 0.5
 
 # Why a branch ends.
 ENOUGH = "As many points as were asked for are found."
@@ -33,6 +36,7 @@ OUTSIDE = "The parameter has left its bounds."
 HAPPENED = "The branch ends with an event: {}."
 NO_STEP = "No step is short enough for Newton's method."
 LOOP = "The branch is closed."
+WIGGLES = "The branch wiggles within the error of its equations, and there are no finer ones."
 SHORTER = "The orbit repeats after fewer turns, which were doubled."
 
 
@@ -49,6 +53,7 @@ class Point:
     turns: int  # after which it repeats already
     corrections: int
     seen: Any  # what its equations told
+    off: Float[np.ndarray, " both"]  # estimated shift to the exact branch, straight across
 
     @property
     def place(self) -> Float[np.ndarray, " n"]:
@@ -98,12 +103,40 @@ def follow(
     - `points`: at most. A branch also ends outside of the bounds, after an orbit of fewer turns,
       where it is closed and, for a problem that says so, where what it watches is not > 0.
 
+    A branch that wiggles within the error of its equations is followed again, by finer equations
+    and from its beginning. If the finest ones wiggle too, it ends there, and `ended` says so.
+
     **Returns:** a `Branch`, without points where there is no orbit near `u`.
     """
     stride = problem.stride if stride is None else stride
     u = np.asarray(u, float)
+    how = scale, bounds, 1 if upwards else -1, stride, points
+    while True:
+        branch = _followed(problem, u, start, off, *how)
+        finer = problem.resolved(u, True) if branch.ended == WIGGLES else None
+        if finer is None:
+            return branch
+        if off is not None:
+            way = problem.resolved(off[:-1].reshape(u.shape), True)
+            assert way is not None
+            off = np.append(way[1], off[-1])
+        problem, u = finer
+
+
+def _followed(
+    problem: AbstractPeriodicProblem,
+    u: np.ndarray,
+    start: float,
+    off: Float[np.ndarray, " n"] | None,
+    scale: float,
+    bounds: tuple[float, float],
+    sign: int,
+    stride: Stride,
+    points: int,
+) -> Branch:
+    """Return the branch of the equations as they are."""
     guess = np.append(u, start / scale)
-    onward = (1 if upwards else -1) * (np.eye(guess.size)[-1] if off is None else off)
+    onward = sign * (np.eye(guess.size)[-1] if off is None else off)
     if off is not None:
         onward = onward / np.sqrt(inner(problem, onward, onward))
         guess = guess + stride.first * onward
@@ -119,6 +152,8 @@ def follow(
             if length < stride.shortest:
                 return Branch(problem, scale, found, NO_STEP)
             continue
+        if _shaken(problem, here, there):
+            return Branch(problem, scale, found, WIGGLES)
         if there.turns < problem.period:
             return Branch(problem, scale, found, SHORTER, there)
         found.append(there)
@@ -153,18 +188,21 @@ def corrected(
     root = problem.solved(Bordered(problem, *plane, jnp.asarray(scale, float), shape))
     if root is None:
         return None
-    onward = linear_solution(root.jacobian, np.append(np.zeros(guess.size - 1), 1.0))
+    u, value = root.point[:-1].reshape(shape), float(root.point[-1])
+    place = jnp.asarray(u), jnp.asarray(scale * value)
+    missed = np.append(np.ravel(problem.left_out(*place)), 0.0)
+    right = np.stack([np.eye(guess.size)[-1], -missed], axis=1)
+    onward, off = linear_solution(root.jacobian, right).T
     if not np.isfinite(onward).all():
         return None
     onward = onward / np.sqrt(inner(problem, onward, onward))
-    u, value = root.point[:-1].reshape(shape), float(root.point[-1])
-    orbit = jnp.asarray(u), jnp.asarray(scale * value), root.seen
+    orbit = *place, root.seen
     watched = problem.monitors(*orbit) if problem.watched else np.zeros(0)
     matrix, turns = problem.monodromy(*orbit), problem.turns(u, root.seen)
     if not np.isfinite(matrix).all():
         return None
     values = np.linalg.eigvals(matrix).astype(complex)
-    return Point(u, value, onward, matrix, values, watched, turns, root.steps, root.seen)
+    return Point(u, value, onward, matrix, values, watched, turns, root.steps, root.seen, off)
 
 
 def _reached(
@@ -175,6 +213,12 @@ def _reached(
     astray = np.sqrt(inner(problem, off, off))
     turned = inner(problem, there.along, here.along)
     return bool(turned > LEAST_COSINE and astray <= stride.straight * length)
+
+
+def _shaken(problem: AbstractPeriodicProblem, here: Point, there: Point) -> bool:
+    """Whether the shift to the exact branch changes along a step about as much as the branch."""
+    moved, step = there.off - here.off, there.place - here.place
+    return inner(problem, moved, moved) > MOST_SHAKEN**2 * inner(problem, step, step)
 
 
 def _leapt(here: Point, there: Point) -> bool:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
 
+from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.periodic.collocation import TOLERANCE
 from jaxcrusher.periodic.multipliers import (
     MORE_STEPS,
@@ -68,6 +69,14 @@ class CollocationProblem(AbstractPeriodicProblem):
         # Of few numbers: forward each costs a residual more.
         columns = jax.jacfwd(lambda p: self.family(p).residual(u))(p)
         return Linearised(left, matrix.reshape(u.size, u.size), columns)
+
+    @eqx.filter_jit
+    def left_out(self, u: Float[Array, "nodes dims"], p: Parameters) -> Array:
+        """Return the defect, seen at twice as many points, in the harmonics that the nodes have."""
+        system = self.family(p)
+        at = system.at(u, 2 * len(u))
+        found = one_by_one(system.acceleration, at, system.args)
+        return resample(system.defect(u, found), len(u))
 
     def vanishing(self, of: OfMatrix, u: Array, p: Array, seen: Any) -> Vanishing:
         """Return a function of the monodromy matrix, with slopes in reverse."""

@@ -78,6 +78,10 @@ class EventCurve(AbstractPeriodicProblem):
             at.seen,
         )
 
+    def left_out(self, u: Any, p: Any) -> Array:
+        """Return the defect of the orbit's equations; that of the event's is not known."""
+        return jnp.append(jnp.ravel(self.base.left_out(*self.split(u, p))), 0.0)
+
     def _event(self, x: Any, both: Array, seen: Any) -> Vanishing:
         """Return what vanishes at the event, with its slopes by the orbit's own numbers."""
         if self.kind in self.base.watched:

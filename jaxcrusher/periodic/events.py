@@ -53,6 +53,8 @@ CLEAR, EXTREMUM = 0.5, 1e-3
 # the parameter; and steps of the secant method that locates it: the first one, and the longest way
 # along the branch.
 SHARP, FIRST, FURTHEST = 1e-8, 1e-5, 0.5
+# Events of one kind that are no further apart, in the norm of their problem, are one event.
+SAME = 1e-6
 # What steps leave of a monodromy matrix, as a share of its largest entry.
 STEPS_LEAVE = 1e-6
 
@@ -263,11 +265,25 @@ def sharp_points(branch: Branch) -> list[Special]:
     """Return the events along a branch by finer equations.
 
     A branch point that these move to a fold is none: of few nodes the multipliers tell of a fold
-    some way off it.
+    some way off it. Events of one kind that they move to the same orbit are one event.
     """
-    found = [sharpened(branch, special) for special in special_points(branch)]
+    found: list[Special] = []
     steep = lambda point: point is None or abs(point.along[-1]) >= STEEP  # noqa: E731
-    return [one for one in found if one.kind != CROSSING or steep(one.point)]
+    for special in special_points(branch):
+        one = sharpened(branch, special)
+        again = any(_is_same(branch, one, other) for other in found)
+        if not again and (one.kind != CROSSING or steep(one.point)):
+            found.append(one)
+    return found
+
+
+def _is_same(branch: Branch, one: Special, other: Special) -> bool:
+    """Whether two events are of one kind, and no further apart than their errors or `SAME`."""
+    if one.kind != other.kind or one.point is None or other.point is None:
+        return False
+    here, there = (np.append(as_on(branch, at.u), at.value) for at in (one.point, other.point))
+    apart, most = here - there, (one.error + other.error) / branch.scale
+    return inner(branch.problem, apart, apart) <= max(most if np.isfinite(most) else 0.0, SAME) ** 2
 
 
 def sharpened(branch: Branch, special: Special) -> Special:

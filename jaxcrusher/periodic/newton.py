@@ -218,10 +218,10 @@ def newton_on_host(
 
 
 def linear_solution(
-    matrix: Float[np.ndarray, "n n"], right: Float[np.ndarray, " n"]
-) -> Float[np.ndarray, " n"]:
+    matrix: Float[np.ndarray, "n n"], right: Float[np.ndarray, " n *sides"]
+) -> Float[np.ndarray, " n *sides"]:
     """Return the solution of linear equations, not finite where the matrix is singular."""
     try:
         return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:
-        return np.full(len(right), np.nan)
+        return np.full(right.shape, np.nan)

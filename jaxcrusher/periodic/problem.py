@@ -69,6 +69,10 @@ class AbstractPeriodicProblem(eqx.Module):
         """Return the residual with its derivatives by u and by p."""
 
     @abstractmethod
+    def left_out(self, u: Array, p: Any) -> Array | np.ndarray:
+        """Return the defect at a zero: the exact equations' residual, in the shape of this one."""
+
+    @abstractmethod
     def solved(self, equations: "Bordered") -> HostRoot | None:
         """Return the zero of bordered equations and what they told there; None if there is none."""
 

@@ -135,6 +135,10 @@ class ShootingProblem(AbstractPeriodicProblem):
         parts = [self.flow.slices(point, jnp.asarray(one), rtol) for one in turns]
         return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
+    def left_out(self, u: Any, p: Any) -> np.ndarray:
+        """Return zeros: the integrator's tolerance is far below a step along a branch."""
+        return np.zeros(np.shape(u))
+
     def solved(self, equations: Bordered) -> HostRoot | None:
         """Return the zero of bordered equations, None if there is none."""
 

@@ -1,6 +1,7 @@
 """Branches round folds, and what is located on them, against published and exact numbers."""
 
 from dataclasses import replace
+from functools import partial
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,7 +10,8 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 from jaxcrusher.orbits.penetrations import least_penetrations
-from jaxcrusher.periodic.branch import HAPPENED, LOOP, follow
+from jaxcrusher.periodic import collocation_problem
+from jaxcrusher.periodic.branch import HAPPENED, LOOP, WIGGLES, follow
 from jaxcrusher.periodic.collocation import collocate
 from jaxcrusher.periodic.collocation_problem import CollocationProblem
 from jaxcrusher.periodic.events import sharp_points, sharpened, special_points
@@ -70,6 +72,9 @@ def test_a_fold_that_few_nodes_misplace():
     branch = followed(family, x, (0.8, 1.5), first=0.02, longest=0.3, points=150)
     folds = [one for one in special_points(branch) if one.kind == "fold"]
     assert [one.kind for one in sharp_points(branch)] == ["fold", "fold"]
+    # A branch that passes a fold again has it once.
+    back = replace(branch, points=branch.points + branch.points[-2::-1])
+    assert len(special_points(back)) > len(sharp_points(back)) == 2
     for coarse, at in zip(folds, (1.2696019555, 1.1157002518), strict=True):
         fine = sharpened(branch, coarse)
         # Newton's steps and the secant's leave 1e-11; the published numbers have ten digits.
@@ -183,3 +188,53 @@ def test_coarser_equations_of_an_odd_half(turns):
     coarser, nodes = problem.resolved(nodes, False)
     assert len(nodes) == 192 * turns and coarser.turns(nodes, None) == 1
     np.testing.assert_allclose(coarser.linearised(nodes, 0.5).residual, -0.5, atol=1e-9)
+
+
+def rubbing(time, x, rate, speed):
+    """A Jeffcott rotor of critical speed 1 in a ring, whose contact begins within a hundredth."""
+    radius = jnp.sqrt(x @ x + 1e-4)
+    deep, normal = radius - 1, x / radius
+    force = 5 * (deep + jnp.sqrt(deep**2 + 1e-4))
+    turned = jnp.array([[0.0, -1.0], [1.0, 0.0]]) @ normal
+    unbalance = 0.35 * speed**2 * jnp.array([jnp.cos(speed * time), jnp.sin(speed * time)])
+    weight = jnp.array([0.0, -0.2])
+    return unbalance - 0.1 * rate - x - force * (normal + 0.05 * turned) + weight
+
+
+@pytest.fixture(scope="module")
+def rotor():
+    """What `follow` needs for the rotor by 96 nodes, from 0.9 of the critical speed on."""
+    family = lambda speed: System(rubbing, 2 * jnp.pi / speed, speed)  # noqa: E731
+    x, root = collocate(family(jnp.asarray(0.9)), jnp.zeros((96, 2)))
+    assert root.success
+    how = dict(scale=0.1, bounds=(0.9, 1.2))
+    return partial(follow, CollocationProblem(family=family), x, 0.9, **how)
+
+
+# Of the orbit, its null vector and the speed, by SciPy's DOP853 at 1e-11.
+RUBBING_FOLDS = 1.0759638801, 1.0075233774
+
+
+@pytest.mark.optimised
+def test_a_branch_that_wiggles_within_its_error_adds_nodes(rotor, monkeypatch):
+    """By 96 nodes the branch turns back three times near its first fold; by 192 once."""
+    branch = rotor(points=36)
+    assert {len(point.u) for point in branch.points} == {192}
+    turns = branch.parameter[np.flatnonzero(np.diff(np.sign(np.diff(branch.parameter)))) + 1]
+    # At the point nearest to the fold a step moves the parameter by less.
+    np.testing.assert_allclose(turns, RUBBING_FOLDS[:1], atol=1e-4)
+    monkeypatch.setattr(collocation_problem, "MOST_NODES", 96)
+    cut = rotor(points=36)
+    assert cut.ended == WIGGLES
+    # Where contact begins to bend the branch.
+    assert 1.0 < cut.parameter[-1] < RUBBING_FOLDS[0]
+
+
+@pytest.mark.slow
+@pytest.mark.optimised
+def test_folds_of_a_rotor_that_rubs(rotor):
+    """As SciPy has them, each of them once."""
+    found = [special for special in sharp_points(rotor(points=60)) if special.kind == "fold"]
+    for special, fold in zip(found, RUBBING_FOLDS, strict=True):
+        # 384 nodes leave 1e-7 of the first one, where contact changes fastest.
+        assert abs(special.parameter - fold) < min(special.error, 1e-6)
