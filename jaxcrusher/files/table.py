@@ -1,6 +1,5 @@
 """Tables of results: the unit and meaning of every column, the dataset they stand in, and CSV."""
 
-import math
 import csv
 import math
 from collections.abc import Iterable, Mapping

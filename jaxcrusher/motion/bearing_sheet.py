@@ -21,9 +21,9 @@ from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import OfPart, Snapshot
 from jaxcrusher.motion.turns import Turns
 
-# The most events of which none is seen with 16 %, as far off as a standard error: Gehrels, Astrophys.
-# J. 303 (1986) 336, table 1. No event in some turns tells nothing of their share of the time, nor of
-# their speed.
+# The most events of which none is seen with 16 %, as far off as a standard error: Gehrels,
+# Astrophys. J. 303 (1986) 336, table 1. No event in some turns tells nothing of their share of the
+# time, nor of their speed.
 NONE_SEEN = 1.841
 # Numbers of a bearing. Behind each stands its scatter: of a mean its standard error, of a peak the
 # standard deviation of the turns' peaks.
