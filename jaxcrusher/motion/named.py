@@ -1,7 +1,7 @@
 """Results by name."""
 
 import abc
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,6 +58,9 @@ class AbstractNamed(abc.ABC):
     @abc.abstractmethod
     def failure(self) -> str:
         """Why they do not, or nothing (one result with concrete values only)."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.values)
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.values:

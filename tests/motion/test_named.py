@@ -23,6 +23,7 @@ def test_what_was_asked_for_is_there(results):
     motion, summary = results
     assert motion.drive_torque.shape == (2,) and motion["drive_torque"] is motion.drive_torque
     assert [*summary.values] == ["foundation_mean"] and summary.foundation_mean.shape == ()
+    assert [*motion] == ["drive_torque"] and "winding" not in motion
     assert "drive_torque" in dir(motion) and "success" in dir(motion)
     section = Section(
         jnp.zeros((2, 4)), jnp.zeros((0, 4, 4)), motion.outcome, {"winding": jnp.ones(2)}
