@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import ArrayLike, Complex, Float
 from scipy.optimize import linear_sum_assignment
 
-from jaxcrusher.periodic.newton import linear_solution
+from jaxcrusher.periodic.newton import HostRoot, linear_solution
 from jaxcrusher.periodic.problem import AbstractPeriodicProblem, Bordered, Stride
 
 # After so many of Newton's steps a step along the branch may grow.
@@ -53,7 +53,10 @@ class Point:
     turns: int  # after which it repeats already
     corrections: int
     seen: Any  # what its equations told
-    off: Float[np.ndarray, " both"]  # estimated shift to the exact branch, straight across
+    # Estimated shift to the exact branch, straight across; NaN at a branch point.
+    off: Float[np.ndarray, " both"]
+    # Of the branch that crosses this one at a branch point; None if there is none, or not known.
+    crossing: Float[np.ndarray, " both"] | None = None
 
     @property
     def place(self) -> Float[np.ndarray, " n"]:
@@ -184,19 +187,40 @@ def corrected(
     across: Float[np.ndarray, " n"],
 ) -> Point | None:
     """Return the point of the branch straight across a direction; None if there is none."""
-    plane = jnp.asarray(guess), jnp.asarray(across)
-    root = problem.solved(Bordered(problem, *plane, jnp.asarray(scale, float), shape))
+    equations = Bordered(
+        problem=problem,
+        guess=jnp.asarray(guess),
+        across=jnp.asarray(across),
+        scale=jnp.asarray(scale, float),
+        shape=shape,
+    )
+    root = problem.solved(equations)
     if root is None:
         return None
     u, value = root.point[:-1].reshape(shape), float(root.point[-1])
-    place = jnp.asarray(u), jnp.asarray(scale * value)
-    missed = np.append(np.ravel(problem.left_out(*place)), 0.0)
-    right = np.stack([np.eye(guess.size)[-1], -missed], axis=1)
+    missed = problem.left_out(jnp.asarray(u), jnp.asarray(scale * value))
+    right = np.stack([np.eye(guess.size)[-1], -np.append(np.ravel(missed), 0.0)], axis=1)
     onward, off = linear_solution(root.jacobian, right).T
     if not np.isfinite(onward).all():
         return None
+    return point_of(problem, shape, scale, root, onward, off)
+
+
+def point_of(
+    problem: AbstractPeriodicProblem,
+    shape: tuple[int, ...],
+    scale: float,
+    root: HostRoot,
+    onward: Float[np.ndarray, " n"],
+    off: Float[np.ndarray, " n"],
+) -> Point | None:
+    """Return a point from where it is, the branch's direction there and its shift.
+
+    None if its multipliers are not known.
+    """
     onward = onward / np.sqrt(inner(problem, onward, onward))
-    orbit = *place, root.seen
+    u, value = root.point[:-1].reshape(shape), float(root.point[-1])
+    orbit = jnp.asarray(u), jnp.asarray(scale * value), root.seen
     watched = problem.monitors(*orbit) if problem.watched else np.zeros(0)
     matrix, turns = problem.monodromy(*orbit), problem.turns(u, root.seen)
     if not np.isfinite(matrix).all():

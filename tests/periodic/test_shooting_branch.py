@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxcrusher.periodic.branch import OUTSIDE, SHORTER, follow
+from jaxcrusher.periodic.branch_point import branch_point
 from jaxcrusher.periodic.event_curve import curve_of
 from jaxcrusher.periodic.events import origin, other_branch, sharpened, special_points
 from jaxcrusher.periodic.problem import Stride
@@ -96,6 +97,18 @@ def test_folds_and_doublings_of_henons_map():
     _, (doubling,) = followed(sections, stable, 0.0, (-0.1, 0.5), upwards=True, points=200)
     assert doubling.kind == "period doubling"
     np.testing.assert_allclose(doubling.parameter, 0.3675, atol=1e-8)
+
+
+def test_where_both_rests_of_the_logistic_map_cross():
+    """These are 0 and 1 - 1 / r: they cross at r = 1."""
+    rests = of_function(lambda state, number: number * state * (1 - state))
+    guess, onward = np.array([0.02, 0.97]), np.array([1.0, 1.1])
+    found = branch_point(rests, (1,), 1.0, guess, onward, furthest=0.1)
+    assert found is not None and found.crossing is not None
+    # The map's own differences leave 1e-10 of its derivatives, and 1e-5 of what these bend.
+    np.testing.assert_allclose(found.place, [0.0, 1.0], atol=1e-9)
+    np.testing.assert_allclose(found.along, np.sqrt([0.5, 0.5]), atol=1e-4)
+    np.testing.assert_allclose(found.crossing[0] / found.crossing[1], 0.0, atol=1e-4)
 
 
 @pytest.mark.parametrize("first", [0.25, 0.24])
