@@ -103,13 +103,14 @@ def follow(
     - `off`: the direction of u and the scaled parameter in which a branch leaves `u`, of any
       length, where another one passes; None: none does. Backwards if not `upwards`.
     - `stride`: steps in the norm of the problem; None is the problem's own.
-    - `points`: at most. A branch also ends outside of the bounds, after an orbit of fewer turns,
+    - `points`: at most. A branch also ends on one of the bounds, after an orbit of fewer turns,
       where it is closed and, for a problem that says so, where what it watches is not > 0.
 
     A branch that wiggles within the error of its equations is followed again, by finer equations
     and from its beginning. If the finest ones wiggle too, it ends there, and `ended` says so.
 
-    **Returns:** a `Branch`, without points where there is no orbit near `u`.
+    **Returns:** a `Branch`, without points where there is no orbit near `u`, or where the first one
+    off another branch is out of bounds.
     """
     stride = problem.stride if stride is None else stride
     u = np.asarray(u, float)
@@ -146,6 +147,9 @@ def _followed(
     here = corrected(problem, u.shape, scale, guess, onward)
     if here is None:
         return Branch(problem, scale, [], NO_STEP)
+    low, high = np.array(bounds) / scale
+    if not low - stride.shortest <= here.value <= high + stride.shortest:
+        return Branch(problem, scale, [], OUTSIDE)
     found, length = [here], stride.first
     while len(found) < points:
         there = corrected(problem, u.shape, scale, here.place + length * here.along, here.along)
@@ -157,16 +161,25 @@ def _followed(
             continue
         if _shaken(problem, here, there):
             return Branch(problem, scale, found, WIGGLES)
+        bound = np.clip(there.value, low, high)
+        left = there.value != bound
+        if left:
+            if abs(bound - here.value) <= stride.shortest:  # it begins on a bound
+                return Branch(problem, scale, found, OUTSIDE)
+            there = _at_bound(problem, scale, here, there, bound, stride)
+            if there is None:
+                length *= SHRINKAGE
+                continue
         if there.turns < problem.period:
             return Branch(problem, scale, found, SHORTER, there)
         found.append(there)
-        if not bounds[0] <= scale * there.value <= bounds[1]:
-            return Branch(problem, scale, found, OUTSIDE)
         if problem.ends and not np.all(there.monitors > 0):
             happened = [
                 name for name, at in zip(problem.watched, there.monitors, strict=True) if not at > 0
             ]
             return Branch(problem, scale, found, HAPPENED.format(", ".join(happened)))
+        if left:
+            return Branch(problem, scale, found, OUTSIDE)
         back = found[0].place - there.place
         near = np.sqrt(inner(problem, back, back)) < length
         if near and len(found) > CLOSED and inner(problem, found[0].along, there.along) > 0:
@@ -237,6 +250,23 @@ def _reached(
     astray = np.sqrt(inner(problem, off, off))
     turned = inner(problem, there.along, here.along)
     return bool(turned > LEAST_COSINE and astray <= stride.straight * length)
+
+
+def _at_bound(
+    problem: AbstractPeriodicProblem,
+    scale: float,
+    here: Point,
+    there: Point,
+    bound: float,
+    stride: Stride,
+) -> Point | None:
+    """Return the point between two at a value of the parameter, in its scale; None if lost."""
+    step = there.place - here.place
+    share = (bound - here.value) / step[-1]
+    across = np.copysign(np.eye(step.size)[-1], step[-1])
+    point = corrected(problem, here.u.shape, scale, here.place + share * step, across)
+    length = share * np.sqrt(inner(problem, step, step))
+    return point if point and _reached(problem, here, point, length, stride) else None
 
 
 def _shaken(problem: AbstractPeriodicProblem, here: Point, there: Point) -> bool:

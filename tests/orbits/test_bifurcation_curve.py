@@ -55,6 +55,7 @@ def test_a_fold_by_few_nodes_and_over_two_parameters():
     curve = jc.bifurcation_curve(scene, fold, 0.11e-3, BOUNDS, scales=SCALES, points=3)
     table = curve.table
     assert curve.events == () and len(curve.orbits) == 5
+    assert curve.found == "by collocation with 96 nodes a turn"
     steps = np.diff(table.second), np.diff(table.parameter)
     assert np.all(steps[0] > 0) and np.all(np.sign(steps[1]) == np.sign(steps[1][0]))
     values = table.multiplier_real.values + 1j * table.multiplier_imag.values
@@ -93,6 +94,7 @@ def test_lost_contact_is_followed_by_shooting():
         closing, event, 0.12e-3, ((34.0, 34.6), (0.11e-3, 0.13e-3)), scales=(0.3, 3e-7), points=2
     )
     assert len(curve.orbits) == 3 and np.ptp(curve.table.parameter.values) > 1e-4
+    assert curve.found == "by shooting from 8 states a turn"
     # Two integrations differ by 1e-9 of a clearance.
     np.testing.assert_allclose(curve.table.least_penetration, 0.0, atol=1e-8)
     for speed, clearance, orbit in zip(

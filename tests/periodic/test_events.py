@@ -196,6 +196,13 @@ def test_two_branches_that_cross(moved):
         np.testing.assert_allclose(
             means, left.parameter**2 + (1 - moved) * left.parameter, atol=1e-11
         )
+        # Out of bounds there is none of it; on a bound it ends at once.
+        side = (-0.6, 0.0) if upwards else (0.0, 0.3)
+        none = follow(problem, u, 0.0, scale=1.0, bounds=side, off=off, upwards=upwards)
+        assert none.points == [] and none.ended == OUTSIDE
+        more = dict(scale=1.0, bounds=(-0.5, 0.3), upwards=False)
+        one = follow(branch.problem, x, -0.5, **more)
+        assert len(one.points) == 1 and one.ended == OUTSIDE
 
 
 @pytest.mark.parametrize(

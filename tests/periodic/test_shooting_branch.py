@@ -92,6 +92,12 @@ def test_folds_and_doublings_of_henons_map():
     low, (fold,) = followed(sections, stable, 0.0, (-1.0, 0.3), upwards=False, points=25)
     assert fold.kind == "fold"
     assert low.points[-1].along[-1] > 0 > low.points[0].along[-1]
+    # Past the fold the upper bound ends it: the unstable rest there is the other root.
+    begin = np.full(2, np.roots([-0.06, 0.7, -1])[1])
+    back, _ = followed(sections, begin, -0.06, (-1.0, -0.05), upwards=False, points=99)
+    assert back.ended == OUTSIDE
+    other = np.roots([-0.05, 0.7, -1])[0]
+    np.testing.assert_allclose(back.points[-1].place, [other, other, -0.05], atol=1e-9)
     # Differences of 1e-6 leave 1e-9 of the derivatives.
     np.testing.assert_allclose(fold.parameter, -0.1225, atol=1e-8)
     _, (doubling,) = followed(sections, stable, 0.0, (-0.1, 0.5), upwards=True, points=200)
