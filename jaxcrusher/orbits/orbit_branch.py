@@ -161,8 +161,9 @@ def orbit_branch(
     **Arguments:**
 
     - `scene`: makes a scene that `jaxcrusher.periodic_orbit` takes from a value, which is traced.
-    - `start`, `bounds`: where the branch begins, and between what it is followed. A `Departure`, as
-      `Event.other_branch` gives it, begins a branch that leaves another one of the same `scene`.
+    - `start`, `bounds`: where the branch begins, and between what it is followed, to a last point
+      on one of them. A `Departure`, as `Event.other_branch` gives it, begins a branch that leaves
+      another one of the same `scene`.
     - `upwards`: whether the parameter grows at first; of a departure, to which of two sides.
     - `scale`: what a change of the parameter is small against, > 0; None is a thirtieth of
       `start`. Steps are a tenth of it at most, and shorter where multipliers move fast.
