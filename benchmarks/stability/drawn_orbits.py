@@ -133,7 +133,8 @@ def answered(machine: str, make: Callable[[], AbstractScene]) -> Answer:
         except ValueError as error:
             words = f"refused: {error}"
         else:
-            kind = "stable" if bool(orbit.stable) else "unstable"
+            known = "stable" if bool(orbit.stable) else "unstable"
+            kind = "not known to be stable" if bool(orbit.undecided) else known
             found = f"{kind}, period {orbit.period}: {orbit.found}"
             words = found if bool(orbit.success) else orbit.failure
         spent.append((time.process_time() - cpu, time.perf_counter() - began))

@@ -19,7 +19,7 @@ from jaxcrusher.basics.checks import (
     require_whole,
     require_within,
 )
-from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.basics.setup import require_set_up, warn_once
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.files.table import COLUMNS, columns_of, dataset
@@ -28,7 +28,8 @@ from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.scene_problems import orbit_of, problem_of
 from jaxcrusher.orbits.solving import solved, with_statistics
-from jaxcrusher.periodic.branch import Branch, Point, follow
+from jaxcrusher.periodic.branch import OUTSIDE, Branch, Point, follow
+from jaxcrusher.periodic.event_curve import EventCurve
 from jaxcrusher.periodic.events import (
     CROSSING,
     DOUBLING,
@@ -127,6 +128,16 @@ class OrbitBranch:
     ended: str  # says why the branch ends
     branches: tuple[Branch, ...] = field(repr=False)
 
+    @property
+    def found(self) -> str:
+        """Say by which equations the orbits were found, and of how many unknowns."""
+        problem, shape = self.branches[0].problem, self.branches[0].points[0].u.shape
+        if isinstance(problem, EventCurve):
+            problem, shape = problem.base, problem.shape
+        if isinstance(problem, ShootingProblem):
+            return f"by shooting from {problem.slices} states a turn"
+        return f"by collocation with {shape[0] // problem.period} nodes a turn"
+
 
 def orbit_branch(
     scene: Callable[[Scalar], AbstractScene],
@@ -144,13 +155,15 @@ def orbit_branch(
 
     By collocation while contact is kept, to where it is lost. The branch of a first motion that
     the nodes do not resolve, such as one that loses contact, is followed by shooting, through gain
-    and loss of contact. A point of it takes some two seconds.
+    and loss of contact. A point of it takes some two seconds. A warning says so, and `found` of the
+    result.
 
     **Arguments:**
 
     - `scene`: makes a scene that `jaxcrusher.periodic_orbit` takes from a value, which is traced.
-    - `start`, `bounds`: where the branch begins, and between what it is followed. A `Departure`, as
-      `Event.other_branch` gives it, begins a branch that leaves another one of the same `scene`.
+    - `start`, `bounds`: where the branch begins, and between what it is followed, to a last point
+      on one of them. A `Departure`, as `Event.other_branch` gives it, begins a branch that leaves
+      another one of the same `scene`.
     - `upwards`: whether the parameter grows at first; of a departure, to which of two sides.
     - `scale`: what a change of the parameter is small against, > 0; None is a thirtieth of
       `start`. Steps are a tenth of it at most, and shorter where multipliers move fast.
@@ -202,6 +215,8 @@ def orbit_branch(
         off=begin.direction,
         points=points,
     )
+    within = bool(branch.points) or branch.ended != OUTSIDE
+    require(within, "bounds", "leave room on the side to which the branch leaves", bounds)
     require(bool(branch.points), "guess", "lead to an orbit that repeats", "one that does not")
     branch, orbits = with_orbits(branch)
     special = sharp_points(branch)
@@ -240,8 +255,14 @@ def _first(
             first = with_statistics(
                 still, *solved(still, near, found.period, len(near)), found.period
             )
-    unknowns = first.eccentricity if bool(first.success) else found.section
-    return Departure(found.period, value, np.asarray(unknowns), None)
+    if bool(first.success):
+        return Departure(found.period, value, np.asarray(first.eccentricity), None)
+    text = (
+        f"The branch from {value} on is followed by shooting, some two seconds a point, for "
+        f"{nodes} nodes a turn do not serve there. {first.failure}"
+    )
+    warn_once(text, text)
+    return Departure(found.period, value, np.asarray(found.section), None)
 
 
 def with_orbits(branch: Branch) -> tuple[Branch, tuple[PeriodicOrbit, ...]]:

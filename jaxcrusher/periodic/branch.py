@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import ArrayLike, Complex, Float
 from scipy.optimize import linear_sum_assignment
 
-from jaxcrusher.periodic.newton import linear_solution
+from jaxcrusher.periodic.newton import HostRoot, linear_solution
 from jaxcrusher.periodic.problem import AbstractPeriodicProblem, Bordered, Stride
 
 # After so many of Newton's steps a step along the branch may grow.
@@ -53,7 +53,10 @@ class Point:
     turns: int  # after which it repeats already
     corrections: int
     seen: Any  # what its equations told
-    off: Float[np.ndarray, " both"]  # estimated shift to the exact branch, straight across
+    # Estimated shift to the exact branch, straight across; NaN at a branch point.
+    off: Float[np.ndarray, " both"]
+    # Of the branch that crosses this one at a branch point; None if there is none, or not known.
+    crossing: Float[np.ndarray, " both"] | None = None
 
     @property
     def place(self) -> Float[np.ndarray, " n"]:
@@ -100,13 +103,14 @@ def follow(
     - `off`: the direction of u and the scaled parameter in which a branch leaves `u`, of any
       length, where another one passes; None: none does. Backwards if not `upwards`.
     - `stride`: steps in the norm of the problem; None is the problem's own.
-    - `points`: at most. A branch also ends outside of the bounds, after an orbit of fewer turns,
+    - `points`: at most. A branch also ends on one of the bounds, after an orbit of fewer turns,
       where it is closed and, for a problem that says so, where what it watches is not > 0.
 
     A branch that wiggles within the error of its equations is followed again, by finer equations
     and from its beginning. If the finest ones wiggle too, it ends there, and `ended` says so.
 
-    **Returns:** a `Branch`, without points where there is no orbit near `u`.
+    **Returns:** a `Branch`, without points where there is no orbit near `u`, or where the first one
+    off another branch is out of bounds.
     """
     stride = problem.stride if stride is None else stride
     u = np.asarray(u, float)
@@ -143,6 +147,9 @@ def _followed(
     here = corrected(problem, u.shape, scale, guess, onward)
     if here is None:
         return Branch(problem, scale, [], NO_STEP)
+    low, high = np.array(bounds) / scale
+    if not low - stride.shortest <= here.value <= high + stride.shortest:
+        return Branch(problem, scale, [], OUTSIDE)
     found, length = [here], stride.first
     while len(found) < points:
         there = corrected(problem, u.shape, scale, here.place + length * here.along, here.along)
@@ -154,16 +161,25 @@ def _followed(
             continue
         if _shaken(problem, here, there):
             return Branch(problem, scale, found, WIGGLES)
+        bound = np.clip(there.value, low, high)
+        left = there.value != bound
+        if left:
+            if abs(bound - here.value) <= stride.shortest:  # it begins on a bound
+                return Branch(problem, scale, found, OUTSIDE)
+            there = _at_bound(problem, scale, here, there, bound, stride)
+            if there is None:
+                length *= SHRINKAGE
+                continue
         if there.turns < problem.period:
             return Branch(problem, scale, found, SHORTER, there)
         found.append(there)
-        if not bounds[0] <= scale * there.value <= bounds[1]:
-            return Branch(problem, scale, found, OUTSIDE)
         if problem.ends and not np.all(there.monitors > 0):
             happened = [
                 name for name, at in zip(problem.watched, there.monitors, strict=True) if not at > 0
             ]
             return Branch(problem, scale, found, HAPPENED.format(", ".join(happened)))
+        if left:
+            return Branch(problem, scale, found, OUTSIDE)
         back = found[0].place - there.place
         near = np.sqrt(inner(problem, back, back)) < length
         if near and len(found) > CLOSED and inner(problem, found[0].along, there.along) > 0:
@@ -184,19 +200,40 @@ def corrected(
     across: Float[np.ndarray, " n"],
 ) -> Point | None:
     """Return the point of the branch straight across a direction; None if there is none."""
-    plane = jnp.asarray(guess), jnp.asarray(across)
-    root = problem.solved(Bordered(problem, *plane, jnp.asarray(scale, float), shape))
+    equations = Bordered(
+        problem=problem,
+        guess=jnp.asarray(guess),
+        across=jnp.asarray(across),
+        scale=jnp.asarray(scale, float),
+        shape=shape,
+    )
+    root = problem.solved(equations)
     if root is None:
         return None
     u, value = root.point[:-1].reshape(shape), float(root.point[-1])
-    place = jnp.asarray(u), jnp.asarray(scale * value)
-    missed = np.append(np.ravel(problem.left_out(*place)), 0.0)
-    right = np.stack([np.eye(guess.size)[-1], -missed], axis=1)
+    missed = problem.left_out(jnp.asarray(u), jnp.asarray(scale * value))
+    right = np.stack([np.eye(guess.size)[-1], -np.append(np.ravel(missed), 0.0)], axis=1)
     onward, off = linear_solution(root.jacobian, right).T
     if not np.isfinite(onward).all():
         return None
+    return point_of(problem, shape, scale, root, onward, off)
+
+
+def point_of(
+    problem: AbstractPeriodicProblem,
+    shape: tuple[int, ...],
+    scale: float,
+    root: HostRoot,
+    onward: Float[np.ndarray, " n"],
+    off: Float[np.ndarray, " n"],
+) -> Point | None:
+    """Return a point from where it is, the branch's direction there and its shift.
+
+    None if its multipliers are not known.
+    """
     onward = onward / np.sqrt(inner(problem, onward, onward))
-    orbit = *place, root.seen
+    u, value = root.point[:-1].reshape(shape), float(root.point[-1])
+    orbit = jnp.asarray(u), jnp.asarray(scale * value), root.seen
     watched = problem.monitors(*orbit) if problem.watched else np.zeros(0)
     matrix, turns = problem.monodromy(*orbit), problem.turns(u, root.seen)
     if not np.isfinite(matrix).all():
@@ -213,6 +250,23 @@ def _reached(
     astray = np.sqrt(inner(problem, off, off))
     turned = inner(problem, there.along, here.along)
     return bool(turned > LEAST_COSINE and astray <= stride.straight * length)
+
+
+def _at_bound(
+    problem: AbstractPeriodicProblem,
+    scale: float,
+    here: Point,
+    there: Point,
+    bound: float,
+    stride: Stride,
+) -> Point | None:
+    """Return the point between two at a value of the parameter, in its scale; None if lost."""
+    step = there.place - here.place
+    share = (bound - here.value) / step[-1]
+    across = np.copysign(np.eye(step.size)[-1], step[-1])
+    point = corrected(problem, here.u.shape, scale, here.place + share * step, across)
+    length = share * np.sqrt(inner(problem, step, step))
+    return point if point and _reached(problem, here, point, length, stride) else None
 
 
 def _shaken(problem: AbstractPeriodicProblem, here: Point, there: Point) -> bool:

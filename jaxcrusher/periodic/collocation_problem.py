@@ -23,8 +23,8 @@ from jaxcrusher.periodic.multipliers import (
 from jaxcrusher.periodic.newton import HostRoot, newton
 from jaxcrusher.periodic.problem import (
     MOST_CORRECTIONS,
+    AbstractEquations,
     AbstractPeriodicProblem,
-    Bordered,
     Linearised,
     OfMatrix,
     Parameters,
@@ -79,10 +79,14 @@ class CollocationProblem(AbstractPeriodicProblem):
         return resample(system.defect(u, found), len(u))
 
     def vanishing(self, of: OfMatrix, u: Array, p: Array, seen: Any) -> Vanishing:
-        """Return a function of the monodromy matrix, with slopes in reverse."""
+        """Return a function of the monodromy matrix, with slopes in reverse.
+
+        At a fold two multipliers may all but meet. Then the steps that suffice elsewhere place it
+        where the multipliers, of more steps, are 1e-4 off 1.
+        """
 
         def value(u: Array, p: Array) -> Scalar:
-            return of(monodromy(self.family(p), u))
+            return of(monodromy(self.family(p), u, MORE_STEPS[0]))
 
         return Vanishing(*jax.value_and_grad(value, argnums=(0, 1))(u, p))
 
@@ -91,8 +95,8 @@ class CollocationProblem(AbstractPeriodicProblem):
         value, by_nodes = jax.value_and_grad(lambda u: self.watch(u)[which])(u)
         return Vanishing(value, (by_nodes, jnp.zeros_like(p)))
 
-    def solved(self, equations: Bordered) -> HostRoot | None:
-        """Return the zero of bordered equations, found by one program; None if there is none."""
+    def solved(self, equations: AbstractEquations) -> HostRoot | None:
+        """Return the zero near the guess, found by one program; None if there is none."""
         point, jacobian, steps, success = _solved(equations)
         if not bool(success):
             return None
@@ -142,9 +146,12 @@ class CollocationProblem(AbstractPeriodicProblem):
 
 
 @eqx.filter_jit
-def _solved(equations: Bordered):
+def _solved(equations: AbstractEquations):
     root = newton(
-        lambda both: equations.linearised(both)[:2], equations.guess, TOLERANCE, MOST_CORRECTIONS
+        lambda unknowns: equations.linearised(unknowns)[:2],
+        equations.guess,
+        TOLERANCE,
+        MOST_CORRECTIONS,
     )
     return root.point, root.jacobian, root.steps, root.success
 

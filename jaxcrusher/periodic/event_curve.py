@@ -18,8 +18,8 @@ from jaxcrusher.periodic.branch import Branch, Point
 from jaxcrusher.periodic.events import CROSSING, FOLD, PAIR, ZERO_OF, Special, zeros
 from jaxcrusher.periodic.newton import HostRoot
 from jaxcrusher.periodic.problem import (
+    AbstractEquations,
     AbstractPeriodicProblem,
-    Bordered,
     Linearised,
     OfMatrix,
     Stride,
@@ -89,8 +89,8 @@ class EventCurve(AbstractPeriodicProblem):
         of = ZERO_OF[CROSSING if self.kind == FOLD else self.kind]
         return self.base.vanishing(of, x, both, seen)
 
-    def solved(self, equations: Bordered) -> HostRoot | None:
-        """Return the zero of bordered equations, None if there is none."""
+    def solved(self, equations: AbstractEquations) -> HostRoot | None:
+        """Return the zero near the guess, None if there is none."""
         return self.base.solved(equations)
 
     def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:

@@ -12,7 +12,8 @@ Theory, 2004, chapter 10). With M the monodromy matrix and mu its eigenvalues:
 | contact lost | the least penetration of a joint |
 
 Where one of them has the same sign at three points, and comes nearest to zero at the middle one, it
-may vanish twice in between. So its extremum is searched for.
+may vanish twice in between. So its extremum is searched for. At a branch point the equations of the
+orbit are singular: `jaxcrusher.periodic.branch_point` has others, which locate it.
 
 Where an event lies depends on how well the orbits there are resolved. Therefore it is located again
 with more nodes, which also tells its error.
@@ -21,6 +22,7 @@ with more nodes, which also tells its error.
 import itertools
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -30,6 +32,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq, minimize_scalar, newton
 
 from jaxcrusher.periodic.branch import Branch, Point, corrected, follow, inner
+from jaxcrusher.periodic.branch_point import branch_point
 from jaxcrusher.periodic.multipliers import difference
 from jaxcrusher.periodic.problem import AbstractPeriodicProblem, OfMatrix
 from jaxcrusher.periodic.trigonometric import resample
@@ -90,6 +93,10 @@ def special_points(branch: Branch) -> list[Special]:
     for kind, test in tests(branch).items():
         folds = {int(where) for where, _ in found if kind == CROSSING}
         for where, point in zeros(branch, test, without=folds, size=sizes.get(kind)):
+            if kind == CROSSING:
+                i = int(where)
+                exact = _Piece(branch, *branch.points[i : i + 2]).crossing(where - i)
+                point = point if exact is None else exact
             turns = problem.period if point is None else point.turns
             if kind == CROSSING and point is not None and abs(point.along[-1]) < STEEP:
                 continue
@@ -209,7 +216,7 @@ class _Piece:
     def __init__(self, branch: Branch, here: Point, there: Point) -> None:
         problem, chord = branch.problem, there.place - here.place
         size = np.sqrt(inner(problem, chord, chord))
-        self._branch, self._across = branch, chord / size
+        self._branch, self._across, self._size = branch, chord / size, size
         # A cubic through both, along the branch at both ends, is near it in between.
         ends = [size * one.along / inner(problem, one.along, self._across) for one in (here, there)]
         self._curve = CubicHermiteSpline([0, 1], [here.place, there.place], ends)
@@ -226,6 +233,12 @@ class _Piece:
                 raise _Lost
             self._known[share] = found
         return self._known[share]
+
+    def crossing(self, share: float) -> Point | None:
+        """Return the branch point near a share of the way, at most the piece's length away."""
+        problem, shape = self._branch.problem, self._known[0.0].u.shape
+        place = self._curve(share), self._across
+        return branch_point(problem, shape, self._branch.scale, *place, self._size)
 
 
 def _located(piece: _Piece, test: Test, low: float, high: float) -> tuple[float, Point | None]:
@@ -296,13 +309,14 @@ def sharpened(branch: Branch, special: Special) -> Special:
         return special
     # The point at which a branch meets the orbit of fewer turns is one of its folds.
     met = special.kind == DOUBLING and point.turns < problem.period
-    test, before, error = tests(branch)[FOLD if met else special.kind], point, np.inf
+    kind, before, error = FOLD if met else special.kind, point, np.inf
+    relocated = partial(_relocated, branch, kind)
     try:
         while error > SHARP * branch.scale and problem.resolved(point.u, True) is not None:
-            before, point = point, _relocated(branch, point, test, finer=True)
+            before, point = point, relocated(point, finer=True)
             error = branch.scale * abs(point.value - before.value)
         if before is point:
-            before = _relocated(branch, point, test, finer=False)
+            before = relocated(point, finer=False)
             error = branch.scale * abs(point.value - before.value)
     except _Lost:
         error = np.inf
@@ -320,15 +334,19 @@ def sharpened(branch: Branch, special: Special) -> Special:
     return Special(kind, branch.scale * point.value, point, error)
 
 
-def _relocated(branch: Branch, point: Point, test: Test, *, finer: bool) -> Point:
-    """Return where a test function vanishes near a point, by finer or coarser equations."""
+def _relocated(branch: Branch, kind: str, point: Point, *, finer: bool) -> Point:
+    """Return where an event of a kind is near a point, by finer or coarser equations."""
     problem, ways = branch.problem, (point.u, point.along[:-1].reshape(point.u.shape))
     both = [problem.resolved(one, finer) for one in ways]
     if both[0] is None or both[1] is None:
         raise _Lost
     (other, u), (_, way) = both[0], both[1]
     place, along = np.append(u, point.value), np.append(way, point.along[-1])
-    found = {}
+    if kind == CROSSING:
+        crossing = branch_point(other, u.shape, branch.scale, place, along, FURTHEST)
+        if crossing is not None:
+            return crossing
+    found, test = {}, tests(branch)[kind]
 
     def value(share: float) -> float:
         if not abs(share) < FURTHEST:
@@ -359,12 +377,15 @@ def other_branch(
     """Return what `follow` needs for the branch that leaves another one at a special point.
 
     That is its problem, the unknowns there, and the direction in which it leaves. At a period
-    doubling it is of twice the turns; there and at a branch point the equations of such orbits are
-    singular in its direction.
+    doubling it is of twice the turns, and the equations of such orbits are singular in its
+    direction.
     """
     point = special.point
     turns = point.turns * (2 if special.kind == DOUBLING else 1)
     problem, u = branch.problem.over(turns, as_on(branch, point.u))
+    if special.kind == CROSSING and point.crossing is not None:
+        way = point.crossing[:-1].reshape(point.u.shape)
+        return problem, u, np.append(as_on(branch, way), point.crossing[-1])
     matrix = problem.linearised(jnp.asarray(u), jnp.asarray(branch.scale * point.value)).by_unknowns
     return problem, u, np.append(np.linalg.svd(matrix)[2][-1], 0.0)
 

@@ -73,8 +73,8 @@ class AbstractPeriodicProblem(eqx.Module):
         """Return the defect at a zero: the exact equations' residual, in the shape of this one."""
 
     @abstractmethod
-    def solved(self, equations: "Bordered") -> HostRoot | None:
-        """Return the zero of bordered equations and what they told there; None if there is none."""
+    def solved(self, equations: "AbstractEquations") -> HostRoot | None:
+        """Return the zero near the guess and what was told there; None if there is none."""
 
     @abstractmethod
     def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
@@ -117,7 +117,26 @@ class AbstractPeriodicProblem(eqx.Module):
         """Return what the square of each of `size` unknowns counts beside the parameter's."""
 
 
-class Bordered(eqx.Module):
+class AbstractEquations(eqx.Module):
+    """The equations of a problem with others beside them, for as many unknowns."""
+
+    guess: eqx.AbstractVar[Array]
+
+    @abstractmethod
+    def linearised(self, unknowns: Any) -> tuple[Array, Array, Any]:
+        """Return the residual, its Jacobian, and what else the evaluation told."""
+
+
+def linearised_by_both(
+    problem: AbstractPeriodicProblem, both: Any, scale: Array, shape: tuple[int, ...]
+) -> tuple[Array, Array, Any]:
+    """Return a problem's residual, its Jacobian by u and p / scale, and what else it told."""
+    at = problem.linearised(both[:-1].reshape(shape), scale * both[-1])
+    column = scale * jnp.reshape(at.by_parameter, (-1, 1))
+    return jnp.ravel(at.residual), jnp.concatenate([at.by_unknowns, column], axis=1), at.seen
+
+
+class Bordered(AbstractEquations):
     """The equations of a problem, and a plane across a branch: unknowns are u and p / scale."""
 
     problem: AbstractPeriodicProblem
@@ -128,10 +147,8 @@ class Bordered(eqx.Module):
 
     def linearised(self, both: Any) -> tuple[Array, Array, Any]:
         """Return the residual, its Jacobian, and what else the evaluation told."""
-        at = self.problem.linearised(both[:-1].reshape(self.shape), self.scale * both[-1])
+        residual, rows, seen = linearised_by_both(self.problem, both, self.scale, self.shape)
         size = len(self.across) - 1
         normal = self.across * np.append(np.full(size, self.problem.weight(size)), 1.0)
-        left = jnp.append(at.residual.ravel(), normal @ (both - self.guess))
-        column = self.scale * at.by_parameter.reshape(-1, 1)
-        rows = jnp.concatenate([at.by_unknowns, column], axis=1)
-        return left, jnp.concatenate([rows, normal[None]]), at.seen
+        left = jnp.append(residual, normal @ (both - self.guess))
+        return left, jnp.concatenate([rows, normal[None]]), seen

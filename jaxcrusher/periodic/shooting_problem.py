@@ -15,8 +15,8 @@ from jaxtyping import Array, ArrayLike, Float, Scalar
 from jaxcrusher.periodic.newton import HostRoot, newton_on_host
 from jaxcrusher.periodic.problem import (
     MOST_CORRECTIONS,
+    AbstractEquations,
     AbstractPeriodicProblem,
-    Bordered,
     Linearised,
     OfMatrix,
     Stride,
@@ -139,8 +139,8 @@ class ShootingProblem(AbstractPeriodicProblem):
         """Return zeros: the integrator's tolerance is far below a step along a branch."""
         return np.zeros(np.shape(u))
 
-    def solved(self, equations: Bordered) -> HostRoot | None:
-        """Return the zero of bordered equations, None if there is none."""
+    def solved(self, equations: AbstractEquations) -> HostRoot | None:
+        """Return the zero near the guess, None if there is none."""
 
         def evaluated(both: np.ndarray) -> tuple[np.ndarray, np.ndarray, Turns]:
             left, jacobian, seen = equations.linearised(both)

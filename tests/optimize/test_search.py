@@ -40,7 +40,7 @@ from optimize import (
 )
 from optimize import orbits as periodic
 from optimize.answer import Check, Coexisting, Confirmed
-from optimize.bound import Points, _at_most, optimality_bound, refined, unbounded
+from optimize.bound import Points, _at_most, _motion, optimality_bound, refined, unbounded
 from optimize.cells import ROUGHER, Cells, beside
 from optimize.counts import of_orbits
 from optimize.evaluate import Window, evaluate, judged
@@ -1172,13 +1172,25 @@ def test_a_box_without_contact_is_searched_by_runs_and_says_so(tmp_path):
 
 @pytest.mark.parametrize("undecided", [True, False])
 def test_what_is_not_known_to_be_stable_is_not_unstable(monkeypatch, undecided):
-    """A descent goes on there, and a map chooses it."""
+    """A descent goes on there, a map chooses it and counts it, and words say what is known."""
     rows = {"stable": [False], "undecided": [undecided], "inside_model": [True]}
     rows |= {"objective": [2.0], "slope": np.ones((1, 2))}
     monkeypatch.setattr(smooth, "solve", lambda case, units: rows)
     case = resolve(Options(**SMALL)).case
     assert np.isfinite(smooth.objective(case)(np.full(2, 0.5))[0]) == undecided
     assert of_orbits(case, rows, case.capacity(np.full((1, 2), 0.5))).tolist() == [undecided]
+    nothing = np.zeros((0, 2)), xr.Dataset(), xr.Dataset(), np.zeros((1, 2))
+    mapped = landscape.Maps(
+        *nothing, xr.Dataset({name: ("design", rows[name]) for name in ("stable", "undecided")})
+    )
+    assert mapped.stable_orbits == undecided
+    known = dict(found=True, objective=2.0, stable=False, undecided=undecided)
+    one = SimpleNamespace(orbit=SimpleNamespace(**known))
+    assert formatting.turns(one) == ("unknown" if undecided else "never")
+    said = dict(undecided=undecided, failure="", largest_multiplier=1.0, multipliers_error=0.1)
+    for words in (formatting.orbit(one), _motion(said)):
+        assert ("not known to be stable" in words) == undecided
+        assert ("unstable" in words) == (not undecided)
 
 
 def test_folder_that_cannot_be_written(tmp_path, capfd):

@@ -69,19 +69,37 @@ def test_a_global_that_changes_is_seen(monkeypatch):
 
 
 def test_a_branch_is_made_of_orbits():
-    """It begins at a known orbit, and its last point lies past the bound."""
+    """It begins at a known orbit, and its last point lies on the bound."""
 
     def scene(speed):
         return jc.paper_scene(speed, 6e-5)
 
-    table = jc.orbit_branch(scene, 30.0, (30.0, 30.05), scale=1.0, points=9, nodes=96).table
-    assert np.all(np.diff(table.parameter) > 0) and table.parameter[-1] > 30.05
+    found = jc.orbit_branch(scene, 30.0, (30.0, 30.05), scale=1.0, points=9, nodes=96)
+    assert found.found == "by collocation with 96 nodes a turn"
+    table = found.table
+    assert np.all(np.diff(table.parameter) > 0)
+    np.testing.assert_allclose(table.parameter[-1], 30.05, rtol=1e-15)  # rounding
     # As in `test_periodic_orbit`.
     np.testing.assert_allclose(table.foundation_rms[0], 19102.316, atol=1e-3)
     # Inertia grows with the square of the speed, and what the clearance adds not twice as fast.
     grown = table.foundation_rms[-1] / table.foundation_rms[0]
     assert 1 < grown < (table.parameter[-1] / 30) ** 4
     assert bool(table.stable.all())
+
+
+@pytest.mark.slow
+def test_nodes_that_do_not_serve_are_told():
+    """96 nodes resolve the motion, and tell what 48 leave to shooting: warned of, and as exact."""
+    with pytest.warns(UserWarning, match="followed by shooting, .* 48 nodes a turn do not serve"):
+        found = jc.orbit_branch(scene, 37.3, (37.29, 37.302), scale=1.0, points=9, nodes=48)
+    assert found.found == "by shooting from 8 states a turn"
+    table = found.table.isel(point=-1)
+    np.testing.assert_allclose(table.parameter, 37.302, rtol=1e-15)  # rounding
+    nodal = jc.periodic_orbit(scene(37.302), nodes=192, guess=found.orbits[-1].eccentricity)
+    errors = table.multipliers_error + nodal.multipliers_error
+    assert 0 < table.multipliers_error < 1e-5 and table.stable and not table.undecided
+    moduli = [np.sort(np.abs(one.multipliers)) for one in (found.orbits[-1], nodal)]
+    assert np.max(np.abs(moduli[0] - moduli[1])) < errors
 
 
 def test_a_start_that_is_no_number_is_refused(unchecked):

@@ -52,6 +52,10 @@ def test_folds_of_duffings_equation(numbers, bounds, folds, amplitudes):
     branch = followed(family, 1.001 * x, bounds, first=0.02, longest=0.3, points=150)
     assert branch.parameter[0] == pytest.approx(bounds[0], abs=1e-12)
     assert branch.ended == "The parameter has left its bounds."
+    np.testing.assert_allclose(branch.parameter[-1], bounds[1], rtol=1e-15)  # rounding
+    # That is the orbit there: at a bound the branch is as exact as elsewhere.
+    last = jnp.asarray(branch.points[-1].u)
+    np.testing.assert_allclose(family(jnp.asarray(bounds[1])).residual(last), 0.0, atol=1e-9)
     special = special_points(branch)
     assert [one.kind for one in special] == ["fold", "fold"]
     np.testing.assert_allclose([one.parameter for one in special], folds, atol=2e-10)

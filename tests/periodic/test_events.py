@@ -8,9 +8,11 @@ import pytest
 from scipy.special import mathieu_a, mathieu_b
 
 from jaxcrusher.orbits.penetrations import least_penetrations
-from jaxcrusher.periodic.branch import follow
+from jaxcrusher.periodic.branch import OUTSIDE, follow
+from jaxcrusher.periodic.branch_point import branch_point
+from jaxcrusher.periodic.collocation import collocate
 from jaxcrusher.periodic.collocation_problem import CollocationProblem
-from jaxcrusher.periodic.events import other_branch, special_points
+from jaxcrusher.periodic.events import other_branch, sharp_points, special_points
 from jaxcrusher.periodic.problem import Stride
 from jaxcrusher.periodic.system import System
 from tests.pairs import crossed
@@ -122,3 +124,98 @@ def test_the_least_penetration_of_a_pin_at_rest_has_slopes():
     moved = lambda by: least_penetrations(rest + by[None])[0]  # noqa: E731
     for slopes in (jax.grad(moved), jax.jacfwd(moved)):
         np.testing.assert_allclose(slopes(jnp.zeros(2)), [0.8, -0.6], rtol=1e-12)
+
+
+def ueda(time, x, rate, force):
+    """x'' + 0.1 x' + x^3 = B cos t."""
+    return force * jnp.cos(time) - 0.1 * rate - x**3
+
+
+def uedas(force):
+    return System(ueda, jnp.asarray(2 * np.pi), force)
+
+
+# Where the symmetric orbit's half map has the multiplier -1: by SciPy's DOP853 at 1e-12, the orbit,
+# its null vector and B solved for at once.
+UEDA_BREAKS = 2.28638170514
+
+
+@pytest.mark.parametrize(("nodes", "scale"), [(24, 0.1), (48, 0.02), (48, 1.0)])
+def test_a_motion_that_loses_its_symmetry(nodes, scale):
+    """At the branch point Newton's method along the branch is singular, and leads to nothing."""
+    phases = 2 * np.pi * np.arange(nodes)[:, None] / nodes
+    guess = 1.9 * np.cos(phases) + 0.3 * np.sin(phases)
+    x, root = collocate(uedas(jnp.asarray(2.2)), jnp.asarray(guess))
+    assert root.success
+    problem = CollocationProblem(family=uedas)
+    branch = follow(problem, x, 2.2, scale=scale, bounds=(2.2, 2.32), points=60)
+    (birth,) = sharp_points(branch)
+    assert birth.kind == "branch point"
+    # SciPy's tolerance and rounding leave 1e-11.
+    assert abs(birth.parameter - UEDA_BREAKS) < birth.error + 1e-11 < 1e-9
+    # The branch itself is symmetric, and to both sides others leave it, each other's images.
+    size = np.max(np.abs(birth.point.u))
+    half = lambda u: u + np.roll(u, len(u) // 2, axis=0)  # noqa: E731
+    np.testing.assert_allclose(half(birth.point.u), 0, atol=1e-9 * size)
+    if (nodes, scale) != (48, 1.0):
+        return
+    problem, u, off = other_branch(branch, birth)
+    more = dict(scale=scale, bounds=(2.2, 2.4), off=off, points=4)
+    one, other = (
+        follow(problem, u, birth.parameter, upwards=upwards, **more).points[-1]
+        for upwards in (True, False)
+    )
+    assert one.value == pytest.approx(other.value) and scale * one.value > UEDA_BREAKS
+    np.testing.assert_allclose(one.u, -np.roll(other.u, nodes // 2, axis=0), atol=1e-6)
+    assert np.max(np.abs(half(one.u))) > 0.01 and np.max(np.abs(one.multipliers)) < 1
+
+
+def crossing(time, x, rate, number):
+    """Orbits x = 0.3 cos t + p^2, and those moved by p, which cross where p is zero."""
+    away = x - 0.3 * jnp.cos(time) - number**2
+    return away * (number - away) - 0.3 * jnp.cos(time) - 0.1 * (rate + 0.3 * jnp.sin(time))
+
+
+@pytest.mark.parametrize("moved", [0.0, 1.0])
+def test_two_branches_that_cross(moved):
+    problem = CollocationProblem(family=lambda p: System(crossing, jnp.asarray(2 * np.pi), p))
+    x = 0.3 * np.cos(2 * np.pi * np.arange(16)[:, None] / 16) + 0.25 - 0.5 * moved
+    branch = follow(problem, x, -0.5, scale=1.0, bounds=(-0.6, 0.3), points=60)
+    (birth,) = special_points(branch)
+    assert birth.kind == "branch point"
+    # Rounding, and in a slope what differences of Jacobians leave.
+    np.testing.assert_allclose(birth.parameter, 0.0, atol=1e-12)
+    way = birth.point.along
+    np.testing.assert_allclose(way[0] / way[-1], moved, atol=1e-7)
+    # The other branch is followed to both sides, with the mean that it has exactly.
+    problem, u, off = other_branch(branch, birth)
+    for upwards in (True, False):
+        left = follow(problem, u, 0.0, scale=1.0, bounds=(-0.6, 0.3), off=off, upwards=upwards)
+        assert np.all((left.parameter > 0) == upwards) and left.ended == OUTSIDE
+        means = [np.mean(point.u) for point in left.points]
+        np.testing.assert_allclose(
+            means, left.parameter**2 + (1 - moved) * left.parameter, atol=1e-11
+        )
+        # Out of bounds there is none of it; on a bound it ends at once.
+        side = (-0.6, 0.0) if upwards else (0.0, 0.3)
+        none = follow(problem, u, 0.0, scale=1.0, bounds=side, off=off, upwards=upwards)
+        assert none.points == [] and none.ended == OUTSIDE
+        more = dict(scale=1.0, bounds=(-0.5, 0.3), upwards=False)
+        one = follow(branch.problem, x, -0.5, **more)
+        assert len(one.points) == 1 and one.ended == OUTSIDE
+
+
+@pytest.mark.parametrize(
+    ("shape", "furthest"),
+    [
+        # A hyperbola: its two branches cross nowhere, and at rest where it is unfolded.
+        (lambda x, p: p**2 - x**2 - 1, 10.0),
+        (lambda x, p: p**2 - x**2, 0.1),  # branches that cross further off
+        (lambda x, p: p**2 + x**2, 10.0),  # a lone orbit
+    ],
+)
+def test_where_there_is_no_branch_point(shape, furthest):
+    family = lambda p: System(lambda time, x, rate, p: shape(x, p) - rate, jnp.asarray(1.0), p)  # noqa: E731
+    guess, along = np.append(np.full(4, -0.1), 0.2), np.append(np.ones(4), 0.1)
+    problem = CollocationProblem(family=family)
+    assert branch_point(problem, (4, 1), 1.0, guess, along, furthest) is None

@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxcrusher.periodic.branch import OUTSIDE, SHORTER, follow
+from jaxcrusher.periodic.branch_point import branch_point
 from jaxcrusher.periodic.event_curve import curve_of
 from jaxcrusher.periodic.events import origin, other_branch, sharpened, special_points
 from jaxcrusher.periodic.problem import Stride
@@ -91,11 +92,29 @@ def test_folds_and_doublings_of_henons_map():
     low, (fold,) = followed(sections, stable, 0.0, (-1.0, 0.3), upwards=False, points=25)
     assert fold.kind == "fold"
     assert low.points[-1].along[-1] > 0 > low.points[0].along[-1]
+    # Past the fold the upper bound ends it: the unstable rest there is the other root.
+    begin = np.full(2, np.roots([-0.06, 0.7, -1])[1])
+    back, _ = followed(sections, begin, -0.06, (-1.0, -0.05), upwards=False, points=99)
+    assert back.ended == OUTSIDE
+    other = np.roots([-0.05, 0.7, -1])[0]
+    np.testing.assert_allclose(back.points[-1].place, [other, other, -0.05], atol=1e-9)
     # Differences of 1e-6 leave 1e-9 of the derivatives.
     np.testing.assert_allclose(fold.parameter, -0.1225, atol=1e-8)
     _, (doubling,) = followed(sections, stable, 0.0, (-0.1, 0.5), upwards=True, points=200)
     assert doubling.kind == "period doubling"
     np.testing.assert_allclose(doubling.parameter, 0.3675, atol=1e-8)
+
+
+def test_where_both_rests_of_the_logistic_map_cross():
+    """These are 0 and 1 - 1 / r: they cross at r = 1."""
+    rests = of_function(lambda state, number: number * state * (1 - state))
+    guess, onward = np.array([0.02, 0.97]), np.array([1.0, 1.1])
+    found = branch_point(rests, (1,), 1.0, guess, onward, furthest=0.1)
+    assert found is not None and found.crossing is not None
+    # The map's own differences leave 1e-10 of its derivatives, and 1e-5 of what these bend.
+    np.testing.assert_allclose(found.place, [0.0, 1.0], atol=1e-9)
+    np.testing.assert_allclose(found.along, np.sqrt([0.5, 0.5]), atol=1e-4)
+    np.testing.assert_allclose(found.crossing[0] / found.crossing[1], 0.0, atol=1e-4)
 
 
 @pytest.mark.parametrize("first", [0.25, 0.24])
