@@ -8,6 +8,7 @@ wrong at any tolerance.) The rule is linear in the tangents, so `jax.grad`, `jax
 diffrax differentiates instead.
 """
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any
@@ -104,6 +105,9 @@ class Outcome(Printed):
     result: RESULTS
     reached: Scalar
     steps: Int[Array, ""]  # accepted and rejected
+    # The largest relative change of the state at the end of a segment, by the relative change of a
+    # number; 0 without derivatives.
+    sensitivity: Scalar = eqx.field(default_factory=lambda: jnp.zeros(()))
 
     @property
     def success(self) -> Bool[Array, "*batch"]:
@@ -192,9 +196,10 @@ def _integrate_jvp(primals, tangents, *, problem: Problem, method: Integration):
     # units, and cancel: a second derivative has none by them.
     scales = jax.lax.stop_gradient(jnp.where(values == 0, 1.0, jnp.abs(values)))
     augmented = _with_tangents(problem, unravel)
-    (summary, jacobian), outcome = integrate(
+    (summary, jacobian, sensitivities), outcome = integrate(
         (values, scales, fixed), times, problem=augmented, method=method
     )
+    outcome = dataclasses.replace(outcome, sensitivity=jnp.max(sensitivities))
     weights = jnp.pad(ravel_pytree(args_dot)[0] / scales, (0, -values.size % REGISTER))
     summary_dot = jax.tree.map(
         lambda leaf: jnp.tensordot(weights, jnp.moveaxis(leaf, 1, 0), axes=1), jacobian
@@ -239,7 +244,8 @@ def _with_tangents(problem: Problem, unravel: Callable) -> Problem:
         by_tangent = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 1, 0), observed[1])
         kept = Sensitive(None, None) if kept is None else kept
         values = observed[0], end.state, kept.state
-        return with_tangents(problem.summarise, values, (by_tangent, end.tangents, kept.tangents))
+        tangents = by_tangent, end.tangents, kept.tangents
+        return *with_tangents(problem.summarise, values, tangents), _sensitivity(end)
 
     following = problem.following
     if following is None:
@@ -263,6 +269,20 @@ def _with_tangents(problem: Problem, unravel: Callable) -> Problem:
         return Sensitive(*with_tangents(at_times, values, tangents))
 
     return Problem(initial, field, observe, summarise, Following(begin, watch, follow))
+
+
+def _sensitivity(end: Sensitive) -> Scalar:
+    """Return how many times its size a state changes along with a number by all of itself."""
+    state, tangents = (
+        jnp.max(jnp.abs(ravel_pytree(y)[0]), initial=0.0).astype(float)
+        for y in jax.lax.stop_gradient((_motion(end.state), _motion(end.tangents)))
+    )
+    return jnp.where(state > 0, tangents / state, 0.0)
+
+
+def _motion(y: Carried | Sensitive) -> PyTree:
+    """Return the motion alone, without its derivatives."""
+    return y.motion if isinstance(y, Carried) else _motion(y.state)
 
 
 def _restarted(y: Carried | Sensitive) -> Carried | Sensitive:

@@ -13,6 +13,7 @@ import platform
 import sys
 import warnings
 from pathlib import Path
+from time import perf_counter
 
 import platformdirs
 
@@ -32,6 +33,8 @@ from jaxcrusher.version import __version__, version_of
 _FUSION_FLAG = "xla_cpu_disable_new_fusion_emitters"
 _DEVICE_FLAG = "xla_force_host_platform_device_count"
 _OBJECTS = 50_000
+# What a call takes at most to look at kept programs that it has not seen, s.
+_CHECK = 1.0
 # What the user was told of already, or need not be: "loops" and "cores".
 _told: set[str] = set()
 
@@ -53,7 +56,8 @@ def set_up() -> None:
       computation sees to that without this call too.
     - Compiled programs are kept in the user's cache folder (or `JAX_COMPILATION_CACHE_DIR`), for
       this version of the package, of XLA and of the processor; a folder that cannot be written is
-      only read, or not used. `JAX_ENABLE_COMPILATION_CACHE=0` turns that off.
+      only read, or not used. What a full disk or a killed process has cut off is removed.
+      `JAX_ENABLE_COMPILATION_CACHE=0` turns all of that off.
     - A program is kept only if it raises no errors while it runs, so Equinox is told to return
       NaN in place of them: a solve of your own by diffrax that fails is then NaN and raises
       nothing. With `EQX_ON_ERROR=raise` in the environment it raises, and nothing is kept.
@@ -179,10 +183,41 @@ def _keep_programs() -> None:
     except OSError:
         return
     # Where it cannot write, JAX would say so at every program.
-    least = 0.0 if os.access(folder, os.W_OK) else float("inf")
+    may_write = os.access(folder, os.W_OK)
+    if may_write:
+        with contextlib.suppress(OSError):  # another process may have removed a file meanwhile
+            _drop_what_is_cut_off(folder)
+    least = 0.0 if may_write else float("inf")
     jax.config.update("jax_persistent_cache_min_compile_time_secs", least)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
     jax.config.update("jax_compilation_cache_dir", str(folder))
+
+
+def _drop_what_is_cut_off(folder: Path) -> None:
+    """Remove kept programs that cannot be read, as a full disk or a killed process leaves them.
+
+    JAX warns of such a file each time, compiles its program, and keeps the file. Each file is read
+    once, the oldest first: the time of a file without content says up to which one.
+    """
+    try:  # these two are not public, so another version of JAX may not have them
+        from jax._src.compilation_cache import compress_executable, decompress_executable
+
+        decompress_executable(compress_executable(b""))
+    except Exception:
+        return
+    mark, until = folder / ".jaxcrusher_checked", perf_counter() + _CHECK
+    checked = mark.stat().st_mtime_ns if mark.exists() else 0
+    files = ((path.stat().st_mtime_ns, path) for path in folder.glob("*-cache"))
+    for changed, path in sorted(file for file in files if file[0] > checked):
+        try:
+            decompress_executable(path.read_bytes())
+        except Exception:  # each library that decompresses has its own
+            path.unlink(missing_ok=True)
+        checked = changed
+        if perf_counter() > until:
+            break
+    mark.touch()
+    os.utime(mark, ns=(checked, checked))
 
 
 def programs_folder() -> Path:

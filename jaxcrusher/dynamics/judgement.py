@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import ArrayLike, Complex
 from scipy.special import stdtrit
 
+from jaxcrusher.files.table import digits_apart
+
 # A tangent that has grown by more than exp(3) says more of the start than of the parameter.
 GROWTH = 3.0
 # An orbit with a multiplier so near to 1 is about to end, or to part in two: it moves by a
@@ -79,8 +81,9 @@ def judge(
     if not np.isfinite(own.value):
         refusals.append(f"{estimator} is not finite")
     elif not abs(own.value) > (least := own.quantile(LEVEL)) * own.error:
-        ratio = f"{abs(own.value) / own.error:.1f}" if own.error > 0 else "0 / 0"
-        refusals.append(f"slope over its error {ratio} < {least:.1f}")
+        ratio = abs(own.value) / own.error if own.error > 0 else np.nan  # both are 0
+        count = digits_apart(ratio, least, 2)
+        refusals.append(f"slope over its error {ratio:.{count}g} < {least:.{count}g}")
     if chaotic:
         if FITS[1] in refuting:
             refusals.append(f"fits at two radii disagree: {own}, {made[FITS[1]]}")
@@ -105,7 +108,8 @@ def judge(
         if not nearest >= NEAR_ONE:
             refusals.append(f"a multiplier is within {nearest:.1g} of 1: the orbit is about to end")
     if estimator == "tangent" and not growth <= GROWTH:
-        refusals.append(f"the tangent grows by exp({growth:.1f}) > exp({GROWTH:.0f})")
+        count = digits_apart(growth, GROWTH)
+        refusals.append(f"the tangent grows by exp({growth:.{count}g}) > exp({GROWTH:g})")
     if unsettled and estimator != "implicit":
         doubts.append(unsettled)
     agreeing = [n for n, other in beside.items() if n not in refuting]

@@ -36,6 +36,12 @@ def digits(value: float) -> str:
     return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:z.4g}"
 
 
+def digits_apart(value: float, limit: float, least: int = 4) -> int:
+    """Return how many digits tell a number from the limit that it has passed, at least `least`."""
+    counts = range(least, 17)
+    return next((n for n in counts if f"{value:.{n}g}" != f"{limit:.{n}g}"), 17)
+
+
 def with_scatter(value: float, scatter: float) -> str:
     """Return a number with its scatter, of which two digits are known; NaN is one not known."""
     if math.isnan(scatter):

@@ -59,7 +59,10 @@ def propagate(
     `standard_deviation`, `second_order` (the deviation with the second order), `shift` (of the
     mean by it) in `unit`, and `linear`, which is logical; over `number` too, `share` of the
     variance. It is linear where the second order, and what it leaves out, change the deviation by
-    3 % at most. NaN, and not linear, where a machine of moved numbers has no such orbit.
+    3 % at most. Where it is not, `second_order` is the deviation of parabolas through three points.
+    At the peak of a resonance it is 1 to 1.4 times the true one for a natural frequency with a
+    deviation of up to two half-widths of the peak, and twice that of ten. NaN, and not linear,
+    where a machine of moved numbers has no such orbit.
 
     Raises ValueError for bad arguments, an orbit that was not found, and one of another machine.
     """

@@ -4,20 +4,29 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Scalar
+import numpy as np
+from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics.checks import (
     concrete,
+    is_concrete,
+    primal,
     require,
     require_kind,
     require_positive,
     require_whole,
 )
-from jaxcrusher.basics.integrate import Integration, pi_controller
+from jaxcrusher.basics.integrate import Integration, Outcome, pi_controller
+from jaxcrusher.basics.setup import warn_once
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 
 MOST_STEPS = 10_000_000
 FIRST_STEP = 1e-5  # rad of phase
+# A slope is told to be one history's if this is the sensitivity of the state after more than a few
+# turns. In contact it stays below 20 for 30 turns at 60 rad/s; with impacts it is 1e6 after five
+# turns of a slider-crank at 400 rad/s, and 1e16 after three of a crusher that starts centred.
+SENSITIVE = 1e4
+FEW_TURNS = 2
 
 
 class Method(eqx.Module):
@@ -90,6 +99,27 @@ def require_tolerance(rtol: Scalar | float) -> None:
     require_positive("rtol", rtol, "")
     known = concrete(rtol)
     require(known is None or bool(known.ndim == 0 and known < 1), "rtol", "be one number < 1", rtol)
+
+
+def warn_of_slopes(found: PyTree, outcome: Outcome, speed: Scalar | float = 1.0):
+    """Warn, once in a process, if a motion is too sensitive for the slopes that are taken of it.
+
+    Under `jax.grad` and its kin alone that is known, and in a program of `jax.jit` it is not.
+    `speed` is that of the shaft, rad/s, where the outcome counts seconds.
+    """
+    if is_concrete(found):  # and nobody waits for numbers that are still computed
+        return
+    known, phase = primal(outcome.sensitivity), primal(outcome.reached * speed)
+    if known is None or phase is None:
+        return
+    turns = float(np.max(phase)) / (2 * np.pi)
+    if turns > FEW_TURNS and (most := float(np.max(known))) > SENSITIVE:
+        warn_once(
+            "slopes",
+            f"A derivative over {turns:.3g} turns is of this one run alone: a number that changes "
+            f"by {1 / most:.1e} of itself changes the state by as much as its size. "
+            "jaxcrusher.gradient_report tells which slopes may be believed.",
+        )
 
 
 def _controller(scene: AbstractScene, rtol: Scalar | float) -> diffrax.PIDController:

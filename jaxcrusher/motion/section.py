@@ -16,7 +16,7 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.mechanism.reductions import Chosen, of_slices
 from jaxcrusher.mechanism.scene import AbstractScene, require_steady
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
-from jaxcrusher.motion.method import Method, resolve
+from jaxcrusher.motion.method import Method, resolve, warn_of_slopes
 from jaxcrusher.motion.statistics import (
     AbstractOverTurns,
     Statistics,
@@ -143,7 +143,8 @@ def first_failure(before: Outcome, after: Outcome) -> Outcome:
     """The outcome of two consecutive pieces; a NaN state makes the second fail at once."""
     reached = before.reached + jnp.where(before.success, after.reached, 0)
     result = RESULTS.where(before.success, after.result, before.result)
-    return Outcome(result, reached, before.steps + after.steps)
+    sensitivity = jnp.maximum(before.sensitivity, after.sensitivity)
+    return Outcome(result, reached, before.steps + after.steps, sensitivity)
 
 
 def poincare_section(
@@ -174,6 +175,9 @@ def poincare_section(
     Raises ValueError for counts that are not whole numbers in range, for a free shaft, for
     a rough feed, for slices of ideal joints in a clamped frame, whose motion has no state, for
     unknown outputs and for a state of another shape.
+
+    Warns, once in a process, where a derivative outside of `jax.jit` is of a motion so sensitive
+    that it says nothing of others (docs/gradients.md).
     """
     require_set_up()
     require_whole("settle_turns", settle_turns, 0)
@@ -186,7 +190,9 @@ def poincare_section(
     good = scene.has_unknowns or not slices
     require(good, "slices", "be 0 for ideal joints in a clamped frame", slices)
     how = resolve(scene, rtol, method)
-    return _section(scene, settle_turns, turns, slices, state, scene.entries(outputs), how)
+    found = _section(scene, settle_turns, turns, slices, state, scene.entries(outputs), how)
+    warn_of_slopes(found, found.outcome)
+    return found
 
 
 @eqx.filter_jit

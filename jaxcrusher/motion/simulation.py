@@ -25,7 +25,7 @@ from jaxcrusher.mechanism import observables
 from jaxcrusher.mechanism.observables import OF_SUPPORTS
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import Flow, unflattened
-from jaxcrusher.motion.method import Method, resolve
+from jaxcrusher.motion.method import Method, resolve, warn_of_slopes
 from jaxcrusher.motion.named import AbstractNamed, Known, made_of
 from jaxcrusher.motion.names import ObservableNames
 
@@ -157,14 +157,17 @@ def simulate(
 
     Raises ValueError for unordered, negative or not finite times, unknown outputs, outputs of
     supports asked of a clamped frame, and a state of another shape. A failed integration does not
-    raise: see `Trajectory.success` and `.failure`.
+    raise: see `Trajectory.success` and `.failure`. Warns of derivatives as `statistics` does.
     """
     require_set_up()
     require_times(times)
     how = resolve(scene, rtol, method, FIRST_STEP)
     outputs = (*scene.own_observables, "energy") if outputs is None else outputs
     require_names("outputs", outputs, (*scene.observables, "energy"))
-    return _simulate(scene, jnp.asarray(times, dtype=float), state, how, tuple(outputs))
+    found = _simulate(scene, jnp.asarray(times, dtype=float), state, how, tuple(outputs))
+    start = scene.drive.crank(jnp.zeros(()), scene.drive.initial())
+    warn_of_slopes(found, found.outcome, start.speed)
+    return found
 
 
 def require_times(times: ArrayLike | Sequence[float]) -> None:

@@ -34,7 +34,7 @@ from jaxcrusher.mechanism.reductions import (
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import Flow, by_phase, flat, unflattened
-from jaxcrusher.motion.method import Method, resolve
+from jaxcrusher.motion.method import Method, resolve, warn_of_slopes
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
 from jaxcrusher.motion.settling import error, is_settled, standard_error, swing_of
@@ -173,6 +173,9 @@ def statistics(
 
     Raises ValueError for counts that are not whole numbers in range, unknown outputs, a state of
     another shape, and a sliding power asked of a scene without friction.
+
+    Warns, once in a process, where a derivative outside of `jax.jit` is of a motion so sensitive
+    that it says nothing of others (docs/gradients.md).
     """
     require_set_up()
     require_whole("settle_turns", settle_turns, 0)
@@ -180,7 +183,9 @@ def statistics(
     how = resolve(scene, rtol, method)
     outputs = scene.usual_statistics if outputs is None else outputs
     require_names("outputs", outputs, tuple(scene.statistics))
-    return over_turns(scene, state, settle_turns, turns, scene.entries(outputs), how)
+    found = over_turns(scene, state, settle_turns, turns, scene.entries(outputs), how)
+    warn_of_slopes(found, found.outcome)
+    return found
 
 
 @eqx.filter_jit

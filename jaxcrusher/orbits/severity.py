@@ -6,6 +6,7 @@ import numpy as np
 import xarray as xr
 
 from jaxcrusher.basics.checks import require, require_choice
+from jaxcrusher.files.table import digits_apart
 
 # Zone boundaries by group of machines: RMS of the velocity, mm/s, and of the displacement, um. A is
 # that of new machines, D may damage.
@@ -41,12 +42,11 @@ def group(power: float | None) -> int:
 
 def outside_scope(running: float, power: float | None) -> str:
     """Say why the standard does not apply at a running frequency (Hz) and power (W), or nothing."""
-    if 60 * running < LEAST_SPEED:
-        return (
-            f"ISO 20816-3 does not apply: {60 * running:.4g} rpm is below its {LEAST_SPEED:g} rpm"
-        )
-    if power is not None and power < LEAST_POWER:
-        return f"ISO 20816-3 does not apply: {power / 1e3:.4g} kW is below its 15 kW"
+    speed, kilowatts = 60 * running, math.inf if power is None else power / 1e3
+    for value, least, unit in ((speed, LEAST_SPEED, "rpm"), (kilowatts, LEAST_POWER / 1e3, "kW")):
+        if value < least:
+            told = f"{value:.{digits_apart(value, least)}g} {unit}"
+            return f"ISO 20816-3 does not apply: {told} is below its {least:g} {unit}"
     return ""
 
 

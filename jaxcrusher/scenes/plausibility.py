@@ -17,6 +17,7 @@ from jaxcrusher.basics.checks import concrete
 from jaxcrusher.basics.setup import UnusualNumbers, warn_once
 from jaxcrusher.crusher.loads import AbstractConstantLoad
 from jaxcrusher.files.results import tell
+from jaxcrusher.files.table import digits_apart
 from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
@@ -327,8 +328,9 @@ def _unusual(values: Mapping[str, Any]) -> Iterator[tuple[Ratio, str, str, bool]
             continue
         told = zip(rule.of, numbers, strict=True)
         given = ", ".join(f"{name} {readable(name, number)}" for name, number in told)
-        rounded = (float(f"{value:.3g}") for value in (ratio, low, high))
-        texts = (f"{value:g} {rule.unit}".rstrip() for value in rounded)
+        count = digits_apart(ratio, low if ratio < low else high, 3)
+        rounded = (float(f"{value:.{count}g}") for value in (ratio, low, high))
+        texts = (f"{value:.16g} {rule.unit}".rstrip() for value in rounded)
         said = "{} is {}, usually {} to {} ({})".format(rule.title, *texts, rule.source)
         yield rule, said, given, least <= ratio <= most
 

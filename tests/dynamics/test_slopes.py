@@ -322,6 +322,15 @@ def test_verdicts_on_an_orbit(value, multipliers, verdict, reason):
     assert reason in " ".join(slope.reasons) and bool(reason) == bool(slope.reasons)
 
 
+def test_what_is_hardly_beyond_a_limit_is_told_in_enough_digits():
+    fits = {"fit": (10.0, 0.5), "fit at half the radius": (10.2, 0.9)}
+    grown = judge("speed", fits | {"tangent": (10.1, 0.0)}, False, 0.3, growth=3.00001)
+    assert grown.reasons == ("the tangent grows by exp(3.00001) > exp(3)",)
+    # Twice the normal distribution's quantile of 97.5 % of a standard error, 1.95996.
+    vague = judge("speed", {"tangent": (1.9599, 1.0)}, False, 0.3, growth=0.0)
+    assert vague.reasons[0] == "slope over its error 1.9599 < 1.96"
+
+
 @pytest.mark.parametrize(
     "accident, reason",
     [

@@ -136,17 +136,21 @@ def test_a_move_of_all_numbers_tells_what_products_of_three_do():
 
 
 def test_on_a_natural_frequency_deviations_come_near_to_the_true_ones():
-    """The amplitude falls by detuning in widths of the peak, which is two deviations wide."""
+    """By detuning in half-widths of the peak; of so many deviations is one of them."""
+    for width, excess in ((5.0, 1.06), (2.0, 1.22), (0.5, 1.40)):
 
-    def amplitude(detuning):
-        return 1 / (1 + (detuning / 2) ** 2) ** 0.5
+        def amplitude(detuning, width=width):
+            return 1 / (1 + (detuning / width) ** 2) ** 0.5
 
-    found = of_load(lambda numbers: amplitude(*numbers), "a", 0.0, 1.0)
-    points, weights = np.polynomial.hermite_e.hermegauss(200)
-    sizes, weights = amplitude(points), weights / weights.sum()
-    exact = float(found.value) * np.sqrt(weights @ sizes**2 - (weights @ sizes) ** 2)
-    # Three points have 22 % too much, where the bend within one deviation has 58 %.
-    assert exact < float(found.second_order) < 1.25 * exact and not bool(found.linear)
+        found = of_load(lambda numbers, of=amplitude: of(*numbers), "a", 0.0, 1.0)
+        points, weights = np.polynomial.hermite_e.hermegauss(200)
+        sizes, weights = amplitude(points), weights / weights.sum()
+        exact = float(found.value) * np.sqrt(weights @ sizes**2 - (weights @ sizes) ** 2)
+        # A parabola through three points, of which docs/identification.md tells; the peak's height
+        # is met by inertia to 1e-5, and the table is rounded. The bend within one deviation alone
+        # would be 58 % too much for a half-width of two.
+        assert float(found.second_order) == pytest.approx(excess * exact, rel=0.02)
+        assert not bool(found.linear)
 
 
 @pytest.mark.slow

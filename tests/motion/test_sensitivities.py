@@ -1,6 +1,7 @@
 """Derivatives against central differences, and where they must stay finite."""
 
 import importlib
+import warnings
 
 import diffrax
 import equinox as eqx
@@ -10,11 +11,13 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.basics import setup
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.tangents import changes, combine, tangents
+from tests.pairs import slow
 
 DESIGN = jnp.array([30.0, 0.06e-3])
 
@@ -72,6 +75,54 @@ def test_every_way_to_differentiate_agrees():
     )
     # Differentiated steps and integrated tangents differ by the error of the steps.
     np.testing.assert_allclose(through_steps(DESIGN), forward, rtol=1e-5)
+
+
+OUTPUT = ("foundation_force",)
+RMS = ("foundation_rms",)
+
+
+@pytest.mark.parametrize(
+    ("start", "computed", "warns"),
+    [
+        ("centred", lambda scene: jc.statistics(scene, 2, 1, outputs=RMS).foundation_rms, True),
+        ("centred", lambda scene: jc.statistics(scene, 0, 1, outputs=RMS).foundation_rms, False),
+        ("contact", lambda scene: jc.statistics(scene, 2, 1, outputs=RMS).foundation_rms, False),
+        *slow(
+            ("centred", lambda scene: jc.poincare_section(scene, 2, 1).states[-1, 0], True),
+            (
+                "centred",
+                lambda scene: jc.simulate(scene, [0.6], outputs=OUTPUT)[OUTPUT[0]][0],
+                True,
+            ),
+            (
+                "centred",
+                lambda scene: jc.simulate(scene, [0.1], outputs=OUTPUT)[OUTPUT[0]][0],
+                False,
+            ),
+        ),
+    ],
+)
+def test_who_differentiates_a_run_that_parts_from_its_neighbours_is_told_once(
+    start, computed, warns, monkeypatch
+):
+    """Of three turns with impacts the slope of the RMS is 1e28 N/m, and of the orbit 5e4 N/m.
+
+    Nobody is told in contact, of fewer turns, and where no derivative is taken.
+    """
+    monkeypatch.setattr(setup, "_told", {"loops", "cores"})
+    said = []
+    monkeypatch.setattr(warnings, "warn", lambda text, **_: said.append(text))
+
+    def of_clearance(clearance):
+        scene = {"speed": 30.0, "clearance": clearance, "start": start}
+        return computed(jc.build_scene(scene))
+
+    of_clearance(6e-5)
+    assert not said
+    for _ in "12":
+        jax.grad(of_clearance)(6e-5)
+    assert len(said) == warns
+    assert all(text.startswith("A derivative over") and "gradient_report" in text for text in said)
 
 
 @pytest.mark.slow

@@ -293,7 +293,12 @@ def test_resonance_is_judged_by_what_a_mode_does_to_an_order():
 
 @pytest.mark.parametrize(
     ("running", "power", "words"),
-    [(1.9, None, "114 rpm is below its 120 rpm"), (5.0, 11e3, "11 kW is below its 15 kW")],
+    [
+        (1.9, None, "114 rpm is below its 120 rpm"),
+        (1.99999, None, "119.999 rpm is below its 120 rpm"),
+        (5.0, 11e3, "11 kW is below its 15 kW"),
+        (5.0, 14999.9, "14.9999 kW is below its 15 kW"),
+    ],
 )
 def test_below_its_scope_the_standard_says_nothing(orbit, running, power, words):
     assert words in outside_scope(running, power)

@@ -56,6 +56,7 @@ def test_what_a_description_does_not_use_is_not_judged():
     ("values", "words"),
     [
         ({"clearance": 5e-3}, "clearance / bore_radius is 0.0385, usually 0.0001 to 0.005"),
+        ({"clearance": 6.5001e-4}, "bore_radius is 0.0050001, usually 0.0001 to 0.005"),
         ({"clearance": 5e-3}, "clearance 5 mm, bore_radius 130 mm meant?"),
         ({"speed": 250.0}, "speed 250 rad/s (2387 rpm), shaft.eccentricity 10 mm meant?"),
         ({"jaw.mass": 52.4}, "mass of the jaw over its cubed length is 156 kg/m3, usually 300 kg"),
