@@ -63,7 +63,7 @@ def _observe(angle: Scalar, y: Carried, scene: jc.Scene) -> Scalar:
     return foundation_force(snapshot, scene)
 
 
-PROBLEM = Problem(_initial, _field, _observe, lambda forces, end: (forces, end.totals))
+PROBLEM = Problem(_initial, _field, _observe, lambda forces, end, _: (forces, end.totals))
 
 
 def solve(scene: jc.Scene, angles: Array, method: Integration) -> tuple[Array, Array, Outcome]:
