@@ -280,7 +280,7 @@ def test_two_masses_and_a_stop():
     """The points published for NLvib's example 03. Its stiffness jumps: nodes do not reach them."""
     sections = of_map(one_turn, watches=reach)
     near, more = np.array([0.961, 0.658, 0.317, 0.086]), dict(scale=0.05)
-    quiet, found = followed(sections, near, 0.635, (0.615, 0.7), upwards=False, points=9, **more)
+    quiet, found = followed(sections, near, 0.635, (0.61, 0.7), upwards=False, points=9, **more)
     moduli = np.sort(np.abs(quiet.points[0].multipliers))
     np.testing.assert_allclose(moduli, [0.72329, 0.72329, 0.88575, 0.88575], atol=6e-6)
     near = np.array([0.567, 0.633, 0.646, 0.822])
