@@ -25,13 +25,11 @@ from jaxcrusher.basics.checks import require, require_choice, require_own_proces
 from jaxcrusher.basics.devices import computes_on, devices, finds_card
 from jaxcrusher.basics.setup import remind_of_idle_cores
 from jaxcrusher.basics.traced import traced
-from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.lanes.card import GPU
 from jaxcrusher.lanes.machine import PROCESSOR, Target
 from jaxcrusher.lanes.program import NoIntegration, program
 from jaxcrusher.lanes.verify import Unsupported
-from jaxcrusher.mechanism.reductions import Chosen
 from jaxcrusher.motion.recorded import recorded
 
 # Designs in a chunk: enough for all lanes of all cores to be busy nearly to its end.
@@ -114,15 +112,14 @@ def run_chunks(
 ) -> Iterator[tuple[slice, PyTree]]:
     """Do as `map_chunks` for a function that always does the same, which is not traced again.
 
-    It is an `equinox.Partial` of a module-level function of this package. Only the table of
-    statistics may change. A chunk is filled up to a multiple of `whole` designs, so that few sizes
-    are compiled: with designs of NaN if the function `skips` these, else with its last one. With a
-    `journal` finished chunks, whose results are named arrays, are not computed again.
+    It is an `equinox.Partial` of a module-level function of this package. A chunk is filled up to
+    a multiple of `whole` designs, so that few sizes are compiled: with designs of NaN if the
+    function `skips` these, else with its last one. With a `journal` finished chunks, whose results
+    are named arrays, are not computed again.
     """
     _require_stacked(function, scenes)
     if chunk is not None:
         require_whole("chunk", chunk, 1)
-    function = eqx.Partial(_with_statistics, function=function, statistics=tuple(STATISTIC.items()))
     # Chunks are cut by NumPy: JAX would take a millisecond for each leaf.
     scenes = jax.tree.map(np.asarray, scenes)
     count = jax.tree.leaves(scenes)[0].shape[0]
@@ -183,11 +180,6 @@ def in_order(
         finally:
             for future in begun:
                 future.cancel()
-
-
-def _with_statistics(scene: Any, function: Callable[[Any], PyTree], statistics: Chosen) -> PyTree:
-    """The result of `function`, which may look at the table that holds these `statistics`."""
-    return function(scene)
 
 
 def run_all(

@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
+import equinox as eqx
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import require, require_x64
@@ -21,7 +22,7 @@ from jaxcrusher.mechanism.linkage import Linkage
 from jaxcrusher.mechanism.linkage_statistics import may_rest
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.reductions import Statistic
+from jaxcrusher.mechanism.reductions import Chosen, Statistic
 from jaxcrusher.mechanism.scene import (
     AbstractFormulation,
     AbstractScene,
@@ -56,6 +57,7 @@ class Scene(AbstractScene):
     foundation: AbstractFoundation | None = None
     rod: Spring | None = None
     shaft_bearing: AbstractBearing | None = None
+    own: Chosen = eqx.field(static=True, default=())
 
     def __check_init__(self):
         require_x64()
@@ -108,18 +110,18 @@ class Scene(AbstractScene):
 
     @property
     def statistics(self) -> Mapping[str, Statistic]:
-        """Return those of any crusher."""
-        return STATISTIC
+        """Return those of any crusher, and the user's."""
+        return STATISTIC | dict(self.own)
 
     @property
     def own_statistics(self) -> tuple[str, ...]:
         """Return the names of all that this crusher has."""
-        return statistics_with(self._parts())
+        return (*statistics_with(self._parts()), *dict(self.own))
 
     @property
     def usual_statistics(self) -> tuple[str, ...]:
         """Return the names of what is computed without being asked for."""
-        return usual_with(self._parts())
+        return (*usual_with(self._parts()), *dict(self.own))
 
     def _parts(self) -> set[str]:
         """Return the parts that have statistics of their own."""

@@ -3,6 +3,7 @@
 import functools
 import operator
 from collections.abc import Container
+from types import MappingProxyType
 
 from jaxcrusher.crusher.machine import JOINTS, LETTERS
 from jaxcrusher.crusher.observables import (
@@ -71,7 +72,7 @@ _OF_OTHERS = [of_joint for joint in JOINTS[1:] for of_joint in _BY_JOINT[joint]]
 
 # Name -> unit, meaning, quantity and reduction of what `statistics` computes when asked, the first
 # of them without being asked. Those of another joint have its name before theirs.
-STATISTIC = functools.reduce(operator.or_, _OF_OTHERS, _BY_DEFAULT | _FURTHER)
+STATISTIC = MappingProxyType(functools.reduce(operator.or_, _OF_OTHERS, _BY_DEFAULT | _FURTHER))
 # What `statistics` computes without being asked, with the same of other loose joints.
 STATISTICS = tuple(_BY_DEFAULT)
 # What it computes when asked, with the same of other joints.
@@ -103,8 +104,5 @@ def statistics_with(parts: Container[str]) -> tuple[str, ...]:
 
 
 def usual_with(parts: Container[str]) -> tuple[str, ...]:
-    """Return the names of what is computed of it without being asked for.
-
-    Entries that were added to the table are among them.
-    """
+    """Return the names of what is computed of it without being asked for."""
     return tuple(name for name in statistics_with(parts) if name not in _ASKED)

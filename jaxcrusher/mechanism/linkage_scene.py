@@ -33,7 +33,7 @@ from jaxcrusher.mechanism.linkage_statistics import (
 )
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named, before
-from jaxcrusher.mechanism.reductions import Statistic
+from jaxcrusher.mechanism.reductions import Chosen, Statistic
 from jaxcrusher.mechanism.scene import (
     AbstractFormulation,
     AbstractScene,
@@ -67,6 +67,7 @@ class LinkageScene(AbstractScene):
     start: AbstractStart | None = eqx.field(default_factory=Centred)
     foundation: AbstractFoundation | None = None
     points: Named[Point] = eqx.field(default_factory=Named)
+    own: Chosen = eqx.field(static=True, default=())
 
     def __check_init__(self):
         require_x64()
@@ -137,13 +138,13 @@ class LinkageScene(AbstractScene):
 
     @property
     def statistics(self) -> Mapping[str, Statistic]:
-        """Return those of its joints and points, of the machine and of its supports."""
-        return statistics_of(self._parts)
+        """Return those of joints and points, of the machine, of its supports, and the user's."""
+        return statistics_of(self._parts) | dict(self.own)
 
     @property
     def usual_statistics(self) -> tuple[str, ...]:
         """Return the names of what is computed without being asked for."""
-        return usual_of(self._parts)
+        return (*usual_of(self._parts), *dict(self.own))
 
     @property
     def works(self) -> Mapping[str, Callable[[Snapshot, AbstractScene], Scalar]]:

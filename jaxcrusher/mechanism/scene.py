@@ -1,8 +1,9 @@
 """What equations of motion ask of a scene, and what a scene asks of them."""
 
 import abc
+import dataclasses
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -42,6 +43,7 @@ class AbstractScene(Printed):
     formulation: eqx.AbstractVar["AbstractFormulation"]
     start: eqx.AbstractVar["AbstractStart | None"]
     foundation: eqx.AbstractVar[AbstractFoundation | None]
+    own: eqx.AbstractVar[Chosen]  # statistics of the user's own
 
     @property
     @abc.abstractmethod
@@ -77,8 +79,19 @@ class AbstractScene(Printed):
     def statistics(self) -> Mapping[str, Statistic]:
         """Return all that may be asked of a motion, by name."""
 
+    def with_statistics(self, own: Mapping[str, Statistic]) -> Self:
+        """Return the scene with statistics of one's own, by name; they need not be asked for.
+
+        They are part of its structure: a program is compiled anew for another function. Raises
+        ValueError for a name that is none of Python, or is that of a statistic already.
+        """
+        for name in own:
+            require(name.isidentifier(), "own", "have names as Python's", name)
+            require(name not in self.statistics, "own", "have names of their own", name)
+        return dataclasses.replace(self, own=(*self.own, *own.items()))
+
     def entries(self, names: Iterable[str] | None = None) -> Chosen:
-        """Return the entries that these names have now; None: those of all that the scene has."""
+        """Return the entries of these names; None: those of all that the scene has."""
         return chosen(self.statistics, self.own_statistics if names is None else names)
 
     @property

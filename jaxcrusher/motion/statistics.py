@@ -159,9 +159,9 @@ def statistics(
     - `scene`: what to simulate; its numbers may be traced.
     - `settle_turns`, `turns`: whole numbers, >= 0 and >= 1.
     - `outputs`: any of `jaxcrusher.STATISTICS` and `FURTHER_STATISTICS`, the same of another
-      loose joint with `elbow_`, `pivot_` or `shaft_bearing_` before the name, and whatever was
-      added to `STATISTIC`; the rest is neither computed nor traced. None is `STATISTICS`, of each
-      joint that is loose, and whatever was added.
+      loose joint with `elbow_`, `pivot_` or `shaft_bearing_` before the name, and those of the
+      user's own (`scene.with_statistics`); the rest is neither computed nor traced. None is
+      `STATISTICS`, of each joint that is loose, and the user's.
     - `state`: to start from, shape (dims,), as `Statistics.state` and `Section.state` have it, in
       place of the scene's start.
     - `rtol`, `method`: as in `jaxcrusher.simulate`, with time in radians of phase and

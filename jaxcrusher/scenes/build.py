@@ -132,7 +132,9 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
         start=None if ideal else LAWS["start"][v["start"]](),
         foundation=foundation,
         rod=rod,
-        **worn,
+        elbow=worn.get("elbow"),
+        pivot=worn.get("pivot"),
+        shaft_bearing=worn.get("shaft_bearing"),
     )
 
 

@@ -48,15 +48,12 @@ OWN = {
 }
 
 
-@pytest.fixture
-def own(monkeypatch):
-    for name, statistic in OWN.items():
-        monkeypatch.setitem(STATISTIC, name, statistic)
-    return tuple(OWN)
-
-
 def contact(speed=30.0, clearance=0.06e-3):
     return jc.paper_scene(speed, clearance, start="contact")
+
+
+def with_own(speed=30.0, own=OWN):
+    return contact(speed).with_statistics(own)
 
 
 @pytest.mark.usefixtures("unchecked")  # statistics of a batch
@@ -171,9 +168,9 @@ def test_impacts_are_those_of_a_fine_grid(make, at, peak, force, time):
 
 
 @pytest.mark.slow
-def test_an_entry_makes_a_statistic(own):
+def test_a_statistic_of_one_s_own():
     """In statistics, sections whole and in slices, and tangents."""
-    scene, turns = contact(), 2
+    scene, own, turns = with_own(), tuple(OWN), 2
     found = jc.statistics(scene, 1, turns, outputs=own)
     times = 2 * np.pi / 30 * np.linspace(1, 1 + turns, turns * 1024 + 1)
     seen = np.linalg.norm(jc.simulate(scene, times, outputs=("eccentricity",)).eccentricity, axis=1)
@@ -199,11 +196,11 @@ def test_an_entry_makes_a_statistic(own):
 
     # The tangents' slices are those of the turn.
     along = tangents(
-        lambda point: contact(point[0]), jnp.array([30.0]), own[0], whole.states[0], 1, 1e-9
+        lambda point: with_own(point[0]), jnp.array([30.0]), own[0], whole.states[0], 1, 1e-9
     )
     assert along.values[0].shape == (SLICES,) and along.failure == ""
-    assert np.isfinite(combine(STATISTIC[own[0]], along.values, along.by_parameter)).all()
-    turn = float(of_slices(STATISTIC[own[0]].reduction, along.values, 1))
+    assert np.isfinite(combine(OWN[own[0]], along.values, along.by_parameter)).all()
+    turn = float(of_slices(OWN[own[0]].reduction, along.values, 1))
     assert turn == pytest.approx(float(found.by_turn[own[0]][1]), rel=1e-6)
 
     with pytest.raises(
@@ -213,9 +210,10 @@ def test_an_entry_makes_a_statistic(own):
 
 
 @pytest.mark.slow
-def test_a_new_entry_is_known_wherever_statistics_are(own):
+def test_one_s_own_is_known_wherever_statistics_are():
     """In orbits, maps, reports and sweeps, which compute all or what needs not be asked for."""
-    name, scene = own[0], contact()
+    scene, own = with_own(), tuple(OWN)
+    name = own[0]
     assert {*own} < {*scene.own_statistics} & {*scene.usual_statistics}
     orbit = jc.periodic_orbit(scene, nodes=96)
     seen = jnp.linalg.norm(resample(orbit.eccentricity, 1024), axis=1)
@@ -224,14 +222,14 @@ def test_a_new_entry_is_known_wherever_statistics_are(own):
     np.testing.assert_allclose(orbit[own[1]], jnp.min(seen), rtol=1e-6)
 
     grid = {"speed": [30.0]}
-    found = jc.orbit_map(grid, metric=name, nodes=96)
+    found = jc.orbit_map(grid, scene=with_own, metric=name, nodes=96)
     # XLA rounds a program of many cells otherwise than that of one.
     np.testing.assert_allclose(found[name], orbit[name], rtol=1e-9)
-    report = jc.gradient_report(contact, name, {"speed": 30.0})
+    report = jc.gradient_report(with_own, name, {"speed": 30.0})
     # Differences of orbits agree, which are made of the numbers above.
     assert report.usable and "orbits" in report.slopes["speed"].estimates, str(report)
 
-    swept = jc.sweep(grid, 1, 2, base={"start": "contact"})
+    swept = jc.sweep(grid, 1, 2, scene=with_own)
     one = jc.statistics(scene, 1, 2, outputs=own)
     for name in own:
         # A quiet motion, both at 1e-9 a step.
@@ -240,33 +238,45 @@ def test_a_new_entry_is_known_wherever_statistics_are(own):
 
 
 @pytest.mark.slow
-def test_an_entry_that_is_redefined_is_seen(own, monkeypatch):
-    """Wherever it was computed before: programs are of entries, not of their names."""
-    name, scene, state = own[0], contact(), jnp.array([1.0, 0.0, 0.0, 0.0])
-    how = dict(rtol=1e-6, method=jc.Method(max_steps=200_000))
+def test_programs_are_of_functions_and_not_of_their_names():
+    name, last = OWN
+    state, how = jnp.array([1.0, 0.0, 0.0, 0.0]), dict(method=jc.Method(max_steps=200_000))
     reduction, point = OWN[name].reduction, jnp.array([30.0])
 
-    def computed():
+    def computed(own):
+        def made(speed):
+            return with_own(speed, own)
+
+        scene, along = made(30.0), tangents(lambda at: made(at[0]), point, name, state, 1, 1e-6)
         return [
-            float(jc.statistics(scene, 0, 1, outputs=(name,), **how)[name]),
-            float(jc.poincare_section(scene, 0, 1, outputs=(name,), **how)[name][0]),
-            float(of_slices(reduction, tangents(still, point, name, state, 1, 1e-6).values, 1)),
+            float(jc.statistics(scene, 0, 1, outputs=(name,), rtol=1e-6, **how)[name]),
+            float(jc.poincare_section(scene, 0, 1, outputs=(name,), rtol=1e-6, **how)[name][0]),
+            float(of_slices(reduction, along.values, 1)),
             float(jc.periodic_orbit(scene, nodes=96)[name]),
-            float(jc.periodic_orbit(scene.ideal())[own[1]]),
-            float(jc.sweep({"speed": [30.0]}, 0, 1, rtol=1e-6)[name][0]),
+            float(jc.periodic_orbit(scene.ideal())[last]),
+            float(jc.sweep({"speed": [30.0]}, 0, 1, scene=made, rtol=1e-6)[name][0]),
         ]
 
-    before = computed()
-    for one in own:
-        twice = OWN[one].quantity
-        changed = replace(OWN[one], quantity=lambda s, scene, twice=twice: 2 * twice(s, scene))
-        monkeypatch.setitem(STATISTIC, one, changed)
+    def twice(how):
+        return replace(how, quantity=lambda s, scene: 2 * how.quantity(s, scene))
+
     # Twice a double is exact, and so is all that follows.
-    np.testing.assert_allclose(computed(), 2 * np.array(before), rtol=1e-12)
+    changed = {name: twice(how) for name, how in OWN.items()}
+    np.testing.assert_allclose(computed(changed), 2 * np.array(computed(OWN)), rtol=1e-12)
 
 
-def still(point):
-    return contact(point[0])
+def test_one_s_own_of_a_linkage_and_names_that_are_refused():
+    pump = jc.read_scene("examples/pump.toml")
+    drawn = {"twice": replace(pump.statistics["shaking_rms"], meaning="once more")}
+    scene = pump.with_statistics(drawn)
+    found = jc.statistics(scene, 0, 1)
+    assert float(found.twice) == float(found.shaking_rms) and found.units()["twice"] == "N"
+    assert "twice" not in pump.statistics and "twice" in scene.ideal().statistics
+    with pytest.raises(ValueError, match=r"^Argument `own` must have names as Python's, but is"):
+        pump.with_statistics({"a b": OWN["rms_eccentricity"]})
+    for one in (pump, contact()):
+        with pytest.raises(ValueError, match=r"^Argument `own` must have names of their own, but"):
+            one.with_statistics({"shaking_rms": OWN["rms_eccentricity"]})
 
 
 def test_every_statistic_has_a_unit_and_a_meaning():
