@@ -118,7 +118,9 @@ def _in_one_line(
         return f"The first word must be a command, but is {given}.{near} {name} --help tells all."
     line = [name, *(words[:1] if offered else [])]
     lines = [line.strip("│ ") for line in message.splitlines()[1:-1]]
-    wrong = " ".join(re.split(r"^─+$", "\n".join(lines), flags=re.MULTILINE)[0].split())
+    # A terminal without such signs has a line of hyphens, also below the title.
+    parts = re.split(r"^[─-]+$", "\n".join(lines), flags=re.MULTILINE)
+    wrong = next(" ".join(part.split()) for part in parts if part.strip())
     near = ""
     if wrong.startswith("Unrecognized"):
         known = re.findall(r"^[│ ]*(--[a-z][\w-]*)", told(line[1:]), re.MULTILINE)
@@ -128,9 +130,10 @@ def _in_one_line(
         else:
             wrong = f"What is meant by {wrong.partition(':')[2].strip()}?"
     elif found := re.match(
-        r"Error parsing (\S+): no type matching (\S+) .*? from \[(.*?)\]", wrong
+        r"Error parsing (\S+): no type matching (?:{None}\|)?{?(.+?)}? could .*? from \[(.*?)\]",
+        wrong,
     ):
-        wrong = f"{found[1]} must be {found[2].replace('{None}|', '')}, but is {found[3]}"
+        wrong = f"{found[1]} must be {found[2]}, but is {found[3] or 'nothing'}"
     end = "" if wrong[-1] in ".?" else "."
     return f"{wrong}{end}{near} {' '.join(line)} --help tells all."
 

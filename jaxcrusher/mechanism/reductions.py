@@ -224,21 +224,22 @@ class ShareAboveZero(AbstractFollowed):
     """The share of the time in which a quantity is above zero; it passes zero in straight lines."""
 
     def begin(self) -> tuple[float, ...]:
-        """Return no time."""
-        return (0.0,)
+        """Return no time above zero, and none at all."""
+        return (0.0, 0.0)
 
     def follow(
         self, kept: tuple[Scalar, ...], before: Instant, start: Instant, end: Instant
     ) -> tuple[Scalar, ...]:
-        """Add the time of this step in which the line between its ends is above zero."""
+        """Add the time of this step in which the line between its ends is above zero, and all."""
         above = jnp.maximum(start.seen, 0.0) + jnp.maximum(end.seen, 0.0)
         size = jnp.abs(start.seen) + jnp.abs(end.seen)
         share = above / jnp.where(size == 0, 1.0, size)
-        return (kept[0] + (end.time - start.time) * share,)
+        step = end.time - start.time
+        return kept[0] + step * share, kept[1] + step
 
     def of_kept(self, kept: tuple[Scalar, ...], span: Scalar | float) -> Scalar:
-        """Return the share of the span; a sum over many steps passes no whole by its rounding."""
-        return jnp.minimum(kept[0] / span, 1.0)
+        """Return the share of all time, whose rounding is the same: a whole is 1 exactly."""
+        return kept[0] / kept[1]
 
     def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
         """Return the share of the samples; NaN where one is, which compares as one below zero."""

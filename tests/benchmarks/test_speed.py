@@ -53,6 +53,6 @@ def test_a_step_one_after_the_other_beside_vmap(costs):
 
 def test_a_turn_without_clearance_beside_the_full_one(costs):
     def total(name):
-        return costs[name].cpu * costs[name].found.steps.sum()
+        return costs[name].cpu * int(costs[name].found.steps.sum())
 
     assert total("ideal") / total("turn") < 0.5  # 0.1 to 0.2

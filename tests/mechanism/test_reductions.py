@@ -54,7 +54,9 @@ def test_shares_and_rises_of_straight_lines_are_exact():
     # 3/4 of the first second, the next, half of two seconds, none, and all of the last.
     share = ShareAboveZero()
     assert followed(share, times, values) == pytest.approx((0.75 + 1 + 1 + 0 + 1) / 6, rel=1e-15)
-    assert followed(share, times[:3], np.ones(3)) == 1
+    for seed in range(20):  # a whole is 1 exactly, whatever the sum of all steps is rounded to
+        steps = np.random.default_rng(seed).uniform(1e-4, 0.1, 100)
+        assert followed(share, np.cumsum(steps), np.ones(100)) == 1
     assert followed(share, times[:3], np.zeros(3)) == 0
     # A turn is 2 pi long.
     assert followed(RisesAboveZero(), times, values) == pytest.approx(2 * 2 * np.pi / 6)

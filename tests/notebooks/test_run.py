@@ -18,6 +18,7 @@ NUMBER = re.compile(r"-?\d+(?:\.(\d+))?(?:e([-+]\d+))?")
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("promoting")  # optax mixes types
 @pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
 def test_runs_and_prints_what_it_shows(path, monkeypatch, capsys):
     """In this process: a kernel imports for longer than most compute."""

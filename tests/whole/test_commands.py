@@ -515,6 +515,9 @@ def test_mistakes_are_named_before_anything_is_computed(line, words, tmp_path):
         ("gradient --xyzzy 3", "There is no --xyzzy. There are --by, --settle"),
         ("simulate x", "What is meant by x?"),
         ("simulate --samples x", "'x'"),
+        ("simulate --turns x", "--turns must be FLOAT, but is 'x'. "),
+        ("foundation --speeds", "--speeds must be STR STR, but is nothing. "),
+        ("foundation --speeds 100", "--speeds must be STR STR, but is '100'. "),
     ],
 )
 def test_options_of_a_command_are_its_own(line, words):
