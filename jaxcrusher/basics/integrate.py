@@ -168,7 +168,6 @@ def _largest(error: PyTree, order: int) -> Scalar:
     return weight * jnp.sqrt(sum(squares, jnp.zeros(())) / max(count, 1))
 
 
-@eqx.filter_custom_jvp
 def integrate(
     args: PyTree, times: Float[Array, "segments saves"], *, problem: Problem, method: Integration
 ) -> tuple[PyTree, Outcome]:
@@ -177,10 +176,18 @@ def integrate(
     Totals restart from zero at every segment. Returns the summaries, stacked over segments,
     and the outcome. From a failed step on every number is NaN.
     """
+    if method.adjoint is not None:
+        return _march(args, times, problem, method)
+    return _beside_tangents(args, times, problem=problem, method=method)
+
+
+@eqx.filter_custom_jvp
+def _beside_tangents(args, times, *, problem: Problem, method: Integration):
+    """Integrate, with a rule for derivatives that carries tangents beside the motion."""
     return _march(args, times, problem, method)
 
 
-@integrate.def_jvp
+@_beside_tangents.def_jvp
 def _integrate_jvp(primals, tangents, *, problem: Problem, method: Integration):
     args, times = primals
     args_dot, times_dot = tangents

@@ -73,8 +73,11 @@ def test_every_way_to_differentiate_agrees():
     through_steps = jax.jit(
         jax.grad(lambda d: peak(d, method=jc.Method(adjoint=checkpoints, max_steps=4096)))
     )
-    # Differentiated steps and integrated tangents differ by the error of the steps.
-    np.testing.assert_allclose(through_steps(DESIGN), forward, rtol=1e-5)
+    # Nothing controls the error of differentiated steps: against tangents at 1e-13 it is 1e-3 at a
+    # tolerance of 1e-9, 1e-4 to 2e-4 at this one of 1e-11, and 5e-6 at 1e-12.
+    through = through_steps(DESIGN)
+    np.testing.assert_allclose(through, forward, rtol=1e-3)
+    assert np.max(np.abs(through / forward - 1)) > 1e-7  # the tangents are not what was taken
 
 
 OUTPUT = ("foundation_force",)
