@@ -38,7 +38,7 @@ class Scene(AbstractScene):
 
     `joint` is the main one, A; `elbow` is B, `pivot` C, `shaft_bearing` O. With no `foundation` the
     frame is clamped, and moments on the ground are counted about C. A `rod` pulls the jaw onto its
-    toggle.
+    toggle. `own` is what `with_statistics` adds.
 
     Raises ValueError (concrete values only) if 64-bit floats are off, if a clearance is not
     inside (0, R_i), or if the clearances let the linkage reach a dead point.

@@ -50,7 +50,8 @@ class LinkageScene(AbstractScene):
     """A linkage as drawn, with a drive, the bearings of its loose joints by name, and forces.
 
     Joints that are not named are ideal. With no `foundation` the frame is clamped. Of `points`, and
-    of the mass centre of each body, there are position, velocity and acceleration.
+    of the mass centre of each body, there are position, velocity and acceleration. `own` is what
+    `with_statistics` adds.
 
     Raises ValueError (concrete values only) if 64-bit floats are off, for a bearing of a joint that
     there is not, for a clearance that is not inside (0, R_i), for a push or a spring at a body that
