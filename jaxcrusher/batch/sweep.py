@@ -117,7 +117,7 @@ def sweep(
 class Window:
     """The statistics of a motion over `turns` turns, after `settle_turns` of them.
 
-    `statistics` are entries of the table: another process may know others. A scene has some or all.
+    `statistics` are the entries of all scenes of a grid; one scene has some of them or all.
     """
 
     settle_turns: int

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from distributed.protocol.pickle import dumps, loads
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_turn, map_all, map_chunks, side_by_side
@@ -177,11 +178,10 @@ def test_designs_of_a_scene_of_ones_own_have_the_joints_that_they_have():
         jc.sweep({"worn": ["new"]}, 0, 1, base=base, scene=seats, outputs=("bearing_life",))
 
 
-def test_a_worker_computes_statistics_that_its_own_table_lacks(monkeypatch):
-    monkeypatch.setitem(STATISTIC, "carried", STATISTIC["foundation_mean"])
-    made = plan(
-        make_grid({"speed": [30.0]}, {"joint": "ideal"}), 0, 1, 1e-6, None, None, ["carried"]
-    )
-    monkeypatch.delitem(STATISTIC, "carried")
-    _, values, _ = made.compute(0)
+def test_statistics_of_one_s_own_go_along_to_a_worker():
+    def carried(speed):
+        return jc.ideal_scene(speed).with_statistics({"carried": STATISTIC["foundation_mean"]})
+
+    made = plan(make_grid({"speed": [30.0]}, None, carried), 0, 1, 1e-6, None, None, ["carried"])
+    _, values, _ = loads(dumps(made)).compute(0)
     assert values["carried"] == values["foundation_mean"]
