@@ -299,14 +299,11 @@ def row_of(
         value = getattr(limits[joint], name)
         row[before(joint) + name] = jnp.full((), jnp.nan) if value is None else value
     errors = {f"{name}_error": result.error(name) for name in statistics}
-    return (
-        row
-        | errors
-        | {
-            "settled": result.settled,
-            "whirl": result.whirl,
-            "success": result.success,
-            "inside_model": result.validity.inside,
-            "reached": result.outcome.reached,
-        }
-    )
+    motion = {
+        "settled": result.settled,
+        "whirl": result.whirl,
+        "success": result.success,
+        "inside_model": result.validity.inside,
+        "reached": result.outcome.reached,
+    }
+    return row | errors | motion

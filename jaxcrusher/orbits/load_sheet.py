@@ -126,8 +126,8 @@ def outputs_of(scene: AbstractScene) -> Chosen:
 
 def _now(s: Snapshot, scene: AbstractScene, name: str) -> Scalar:
     """Return a force or a moment of the sheet at an instant."""
-    known = {name: one(s, scene) for name, one in quantities_of(scene).items()}
-    return _forces(scene)[name][1](known)
+    known = quantities_of(scene)
+    return _forces(scene)[name][1](lambda one: known[one](s, scene))
 
 
 def _frame_spin(s, scene: AbstractScene) -> Scalar:
@@ -223,7 +223,7 @@ def knocks(turns: Turns, rows: Sequence[Row], orders: int) -> str:
     known = {(row.name, row.order): row.value for row in rows if row.part == "peaks"}
 
     def above(name: str) -> float:
-        names = [f"{name}, {side}" for side in SIDES.values()]
+        names = [f"{name}, {side}" for side in WAYS]
         squares = [known[n, RMS] ** 2 * known[n, _above(orders)] / 100 for n in names]
         return sum(squares) ** 0.5
 
@@ -258,8 +258,10 @@ class Curve(NamedTuple):
 
 
 Curves = dict[str, Curve]
-# Unit of a force or moment, and how it follows from what the sheet looks at, at an instant or all.
-Forces = dict[str, tuple[str, Callable[[Mapping[str, Any]], Any]]]
+# Looks at a quantity of the sheet by its name, at an instant or at all.
+Look = Callable[[str], Any]
+# Unit of a force or moment, and how it follows from what the sheet looks at.
+Forces = dict[str, tuple[str, Callable[[Look], Any]]]
 
 
 def _smooth(unit: str, values: Float[np.ndarray, "pieces samples"]) -> Curve:
@@ -271,7 +273,7 @@ def _curves(turns: Turns, forces: Forces) -> Curves:
     """Return forces and moments over a motion; the ends of an orbit are those of its instants."""
     found = {}
     for name, (unit, of) in forces.items():
-        found[name] = _smooth(unit, np.asarray(of(turns.values)))
+        found[name] = _smooth(unit, np.asarray(of(turns.values.__getitem__)))
         if not turns.repeats:
             ends = (turns.values[f"{which} {name}"] for which in ENDS)
             found[name] = Curve(unit, found[name].values, *ends)
@@ -285,7 +287,7 @@ def _forces(scene: AbstractScene) -> Forces:
 
 def _component(unit: str, names: Sequence[str], axis: int) -> tuple[str, Callable]:
     """Return a component of the sum of some vectors."""
-    return unit, lambda known: sum(known[name][..., axis] for name in names)
+    return unit, lambda look: sum(look(name)[..., axis] for name in names)
 
 
 def _exciting(turns: Turns) -> Curves:
@@ -316,9 +318,12 @@ def _on_frame(scene: AbstractScene) -> Forces:
 
     def moment_about(at: Vector) -> Callable:
         arm = place - at
-        return lambda known: (
-            known[moment] + (arm.x * known[force][..., 1] - arm.y * known[force][..., 0])
-        )
+
+        def moved(look: Look) -> Any:
+            pushed = look(force)
+            return look(moment) + (arm.x * pushed[..., 1] - arm.y * pushed[..., 0])
+
+        return moved
 
     found = {f"{EXCITING}, {side}": _component("N", [force], i) for i, side in enumerate(WAYS)}
     return found | {name: ("N m", moment_about(at)) for name, at in levels.items()}
