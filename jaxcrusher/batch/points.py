@@ -3,7 +3,7 @@
 import hashlib
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,25 +11,12 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxcrusher.basics.checks import require, require_known
+from jaxcrusher.basics.checks import require
 from jaxcrusher.files.journal import text_of
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
-from jaxcrusher.scenes.build import build_scene
-from jaxcrusher.scenes.own_laws import make_known, with_digests
-from jaxcrusher.scenes.parameters import (
-    CHAMBER,
-    CHOICES,
-    FILES,
-    NUMBERS,
-    PARAMETERS,
-    WHOLE,
-    check_number,
-    complete,
-    openers,
-)
-
-# Makes the scene of the numbers and choices of a design, given by name.
-SceneFunction = Callable[..., AbstractScene]
+from jaxcrusher.scenes.machine import AbstractStructure, Machine, OwnFunction, scene_by
+from jaxcrusher.scenes.own_laws import with_digests
+from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS, PARAMETERS, WHOLE, check_number
 
 
 @dataclass(frozen=True)
@@ -37,13 +24,12 @@ class Grid:
     """The grid product of `axes`, with every other number and choice as in `base`.
 
     `axes` maps names to tuples of numbers or of choices, `base` names to values. A curve, a tuple
-    of points, counts as a choice. `function` makes a scene of them; None is
-    `jaxcrusher.build_scene`.
+    of points, counts as a choice. `structure` makes scenes of them.
     """
 
     axes: dict[str, tuple]
     base: dict[str, float | str | tuple]
-    function: SceneFunction | None = None
+    structure: AbstractStructure
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -110,7 +96,7 @@ class Grid:
     def scene(self, design: int) -> AbstractScene:
         """Return the scene of one design."""
         numbers = {name: float(column[0]) for name, column in self.numbers([design]).items()}
-        return scene_by(self.function, numbers, self.choices(design))
+        return scene_by(self.structure, {**numbers, **self.choices(design)})
 
     def coordinates(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
         """Return the values along each axis, and their labels."""
@@ -128,10 +114,9 @@ class Grid:
             "axes": with_digests({name: list(values) for name, values in self.axes.items()}),
             "base": with_digests(self.base),
         }
-        if self.function is not None:
-            name = getattr(self.function, "__qualname__", type(self.function).__qualname__)
-            kept["scene"] = f"{name} {self._digest()}"
-        return kept
+        if isinstance(self.structure, OwnFunction):
+            kept["scene"] = f"{self.structure.name} {self._digest()}"
+        return kept | self.structure.record
 
     def attributes(self) -> dict[str, Any]:
         """Return what does not vary, for the reader of a dataset."""
@@ -158,64 +143,25 @@ def _labels(name: str) -> dict[str, Any]:
     return {} if of is None else {"long_name": of.meaning, "units": of.unit}
 
 
-def scene_by(
-    function: SceneFunction | None, numbers: Mapping[str, Any], choices: Mapping[str, Any]
-) -> AbstractScene:
-    """Return the scene that a function makes of a description, or that of the package's own."""
-    described = {
-        name: np.array(value) if isinstance(value, tuple) else value  # a curve
-        for name, value in {**numbers, **choices}.items()
-    }
-    return build_scene(described) if function is None else function(**described)
+def make_grid(machine: Machine, axes: Mapping[str, Any]) -> Grid:
+    """Return the checked grid of the machines with the values of some axes.
 
-
-def make_grid(
-    axes: Mapping[str, Any], base: Mapping[str, Any] | None, function: SceneFunction | None = None
-) -> Grid:
-    """Return a checked grid.
-
-    Raises ValueError for unknown names, and for values that no crusher can be built from. The
-    names that a `function` takes are known to it only.
+    Raises ValueError for unknown names, and for values that no scene can be built from. The names
+    that a function of one's own takes are known to it only.
     """
     good = isinstance(axes, Mapping) and len(axes) > 0
     require(good, "axes", 'map names to values, as {"speed": [30.0, 32.0]}', repr(axes))
-    base = {} if base is None else base
-    mapping, given = isinstance(base, Mapping), f"a {type(base).__name__}"
-    require(mapping, "base", 'map names to values, as {"start": "contact"}', given)
-    good = function is None or callable(function)
-    require(good, "scene", "be a function that makes a scene", repr(function))
-    if function is None:
-        make_known([*base.items(), *axes.items()])
-        for name in (*axes, *base):
-            require_known(name, (*PARAMETERS, *CHAMBER, *CHOICES, *FILES))
-
-    def is_text(name: str, value: Any) -> bool:
-        known = name in CHOICES or name in FILES
-        return known if function is None else np.asarray(value).dtype.kind in "US"
-
-    varied = {name: _axis(name, values, is_text(name, values)) for name, values in axes.items()}
-    fixed = {}
-    for name, value in base.items():
-        value = _text(value)
-        require(name not in varied, "base", "name none of the axes", repr(name))
-        text = is_text(name, value)
-        called = f"base[{name!r}]"
-        if text and name in FILES and not isinstance(value, str):
-            fixed[name] = tuple(map(tuple, _numbers(called, value, 2).tolist()))
-        else:
-            fixed[name] = value if text else float(_numbers(called, value, 0))
-    if function is None:
-        described = complete({**fixed, **{name: values[0] for name, values in varied.items()}})
-        # What comes with a choice that varies is not of every design.
-        chosen = {f"{name}={value}" for name, values in varied.items() for value in values}
-        left = {n: v for n, v in described.items() if not chosen.intersection(openers(n))}
-        fixed = {name: value for name, value in (left | fixed).items() if name not in varied}
-    grid = Grid(varied, fixed, function)
+    structure, varied = machine.structure, {n: _axis(n, values) for n, values in axes.items()}
+    given = {name: value for name, value in machine.given.items() if name not in varied}
+    idle = structure.idle({**given, **varied})
+    for name in varied:
+        require(name not in idle, "axes", "name numbers of the motion", name)
+    fixed = {name: _fixed(name, value) for name, value in given.items() if name not in idle}
+    grid = Grid(varied, structure.beside(fixed, varied), structure)
     some = len(grid.numbers_described) > 0
-    require(some, "base", "hold a number, such as the speed, where no axis is one", "without one")
-    if function is None:
-        for name in set(WHOLE).intersection(varied):
-            check_number(name, np.array(varied[name]))
+    require(some, "axes", "hold a number, such as the speed, where the machine has none", "without")
+    for name in set(WHOLE).intersection(varied):
+        check_number(name, np.array(varied[name]))
     # All other limits are intervals, and what keeps off the dead points is convex: the grid's
     # corners speak for what lies between.
     ends = [
@@ -223,14 +169,24 @@ def make_grid(
         for name, values in varied.items()
     ]
     for corner in itertools.product(*ends):
-        made = {**fixed, **dict(zip(varied, corner, strict=True))}
-        require_scene(scene_by(function, made, {}))
+        made = {**grid.base, **dict(zip(varied, corner, strict=True))}
+        require_scene(scene_by(structure, made))
     return grid
 
 
-def _axis(name: str, values: Any, text: bool) -> tuple:
-    called = f"axes[{name!r}]"
-    array = np.asarray(values, object) if text else _numbers(called, values, 1)
+def _fixed(name: str, value: Any) -> float | str | tuple:
+    """Return a value that does not vary: a number, a choice, or a curve as a tuple of points."""
+    if isinstance(value, str | Path):
+        return str(value)
+    if name in FILES:
+        return tuple(map(tuple, _numbers(name, value, 2).tolist()))
+    return float(_numbers(name, value, 0))
+
+
+def _axis(name: str, values: Any) -> tuple:
+    called, array = f"axes[{name!r}]", np.asarray(values, object)
+    if not any(isinstance(one, str | Path) for one in array.flat):
+        array = _numbers(called, values, 1)
     good = array.ndim == 1 and array.size > 0
     require(good, called, "have shape (n,), n > 0", f"of shape {array.shape}")
     axis = tuple(map(_text, array.tolist()))

@@ -32,16 +32,19 @@ from jaxcrusher.batch.engines import (
     run_all,
     run_of,
 )
-from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
+from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import Layout, chunk_shape, opened
 from jaxcrusher.crusher.statistics_table import ALWAYS, STATISTICS
-from jaxcrusher.files.provenance import environment, machine, now
+from jaxcrusher.files.provenance import environment, now
+from jaxcrusher.files.provenance import machine as computer
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.reductions import Chosen
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import require_tolerance, resolve
 from jaxcrusher.motion.statistics import Statistics, over_turns
+from jaxcrusher.scenes.earlier import axes_first
+from jaxcrusher.scenes.machine import AbstractStructure, Machine, machine_of, scene_by
 
 if TYPE_CHECKING:
     import distributed
@@ -51,13 +54,13 @@ _MOTION = ("settled", "whirl", "success", "inside_model", "reached")
 _LIMITS = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
 
 
+@axes_first
 def sweep(
+    machine: Machine | Callable[..., AbstractScene],
     axes: Mapping[str, Any],
     settle_turns: int,
     turns: int,
     *,
-    base: Mapping[str, Any] | None = None,
-    scene: Callable[..., AbstractScene] | None = None,
     outputs: Sequence[str] = (),
     store: str | Path | None = None,
     chunk: int | None = None,
@@ -74,15 +77,15 @@ def sweep(
 
     **Arguments:**
 
-    - `axes`: names of `jaxcrusher.PE250X400` -> values, shape (n,), in SI units, or choices.
+    - `machine`: what does not vary, as `jaxcrusher.paper_machine(start="contact")` or
+      `jaxcrusher.read_machine("pump.toml")`; or a function of your own that makes a scene of the
+      names of `axes`, which may then be any.
+    - `axes`: names of the machine's numbers -> values, shape (n,), in SI units, or choices.
     - `settle_turns`, `turns`, `rtol`: as in `jaxcrusher.statistics`.
-    - `base`: names -> values of what does not vary, where it is not the paper's. A `load_curve` may
-      be an array, as in `jaxcrusher.build_scene`.
-    - `scene`: a function of your own that makes the scene, with laws of your own. It is called with
-      the names of `axes` and `base`, which may then be any.
     - `outputs`: names of further statistics, besides those that are always computed.
     - `store`: None, or the store's folder; new, or one of an earlier call with the same arguments.
-      The code of a `scene` is not compared, but its name and the laws and numbers that it makes.
+      The code of a function of your own is not compared, but its name and the laws and numbers
+      that it makes.
     - `chunk`: designs at most in a chunk: between two reports of progress, what a kill can lose,
       and a file of each variable. None as in `jaxcrusher.map_chunks`.
     - `progress`: called with the number of finished and of all designs, first at the start.
@@ -98,8 +101,8 @@ def sweep(
 
     Motions begin with the scene's start. The usual one is the paper's, "centred": it begins with
     impacts, as after a standstill, which leave a swing of the pin for thousands of turns.
-    `base={"start": "contact"}` begins close to the quiet motion that a design settles on, and
-    `jaxcrusher.orbit_map` solves for it.
+    `machine.replace(start="contact")` begins close to the quiet motion that a design settles on,
+    and `jaxcrusher.orbit_map` solves for it.
 
     Raises ValueError for bad arguments and for a store with other settings, naming what differs;
     RuntimeError for a store in use, for corrupt chunks and for workers that fail; OSError for what
@@ -109,7 +112,8 @@ def sweep(
     title = "Statistics of machines over a grid of parameters"
     if engine is None and scheduler is not None:
         engine = "lanes"  # Its workers may differ in their devices.
-    made = plan(make_grid(axes, base, scene), settle_turns, turns, rtol, chunk, engine, outputs)
+    grid = make_grid(machine_of(machine), axes)
+    made = plan(grid, settle_turns, turns, rtol, chunk, engine, outputs)
     return made.run(title, store, progress, scheduler)
 
 
@@ -155,7 +159,7 @@ class Ensemble:
         grid, most = self.layout.grid, math.prod(self.layout.chunk)
         function = eqx.Partial(
             _seen,
-            make=grid.function,
+            structure=grid.structure,
             choices=grid.choices(int(designs.flat[0])),
             window=self.window,
         )
@@ -166,7 +170,7 @@ class Ensemble:
             for name, one in self.layout.columns.items()
         }
         record = {
-            "machine": machine(),
+            "machine": computer(),
             "designs": designs.size,
             "seconds": round(perf_counter() - started, 3),
             "finished": now(),
@@ -223,11 +227,11 @@ def remarked(found: xr.Dataset) -> xr.Dataset:
 
 def _seen(
     numbers: dict[str, jax.Array],
-    make: SceneFunction | None,
+    structure: AbstractStructure,
     choices: Mapping[str, Any],
     window: Window,
 ) -> dict[str, jax.Array]:
-    return window(scene_by(make, numbers, choices))
+    return window(scene_by(structure, {**numbers, **choices}))
 
 
 def plan(

@@ -9,7 +9,6 @@ import xarray as xr
 from rich.console import Console
 from rich.table import Table
 
-import jaxcrusher as jc
 from jaxcrusher.basics.checks import require_positive
 from jaxcrusher.commands.crushers import (
     bounds,
@@ -43,7 +42,6 @@ from jaxcrusher.motion.bearing_sheet import (
 )
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
 from jaxcrusher.scenes.echo import all_said, units_of
-from jaxcrusher.scenes.plausibility import remarks
 
 # Unit -> that of the screen, and how many of it the first is.
 SHOWN = {"N": ("kN", 1e-3), "Pa": ("GPa", 1e-9), "W": ("kW", 1e-3), "h": ("h", 1.0)}
@@ -63,10 +61,10 @@ def run(options: Bearing, console: Console) -> int:
     values, units = machine.values, machine.units | units_of(bounds(options.over))
     designs = [dict(zip(axes, point, strict=True)) for point in itertools.product(*axes.values())]
     for design in designs:
-        remarks({**values, **design})
-    scenes = [jc.build_scene({**values, **design}) for design in designs]
+        machine.replace(**design).unusual()
+    scenes = [machine.scene(**design) for design in designs]
     numbers = {name: getattr(options, name) for name in ("settle", "turns", "seconds")}
-    settings = settings_of("bearing", values, over=axes, **numbers)
+    settings = settings_of("bearing", values, over=axes, **numbers, **machine.structure.record)
     folder = begin_beside(options.results.folder, settings, "bearing.csv")
 
     def ended(cases: Sequence[tuple[str, AbstractScene]]) -> dict[int, tuple[str, Turns]]:

@@ -9,63 +9,68 @@ import equinox as eqx
 import numpy as np
 import xarray as xr
 
+import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.commands.options import Crusher, Ranges
 from jaxcrusher.crusher.scene import crusher_of
-from jaxcrusher.files.results import write_mat, write_netcdf, write_text
+from jaxcrusher.files.results import tell, write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.scenes.build import build_chamber
-from jaxcrusher.scenes.described import Described, described
 from jaxcrusher.scenes.echo import all_said
+from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.own_laws import is_own, with_digests
 from jaxcrusher.scenes.parameters import CHOICES
-from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_defaults, tell_unusual
 from jaxcrusher.scenes.scene_file import key_of, naming, read_range, require_moving
 
 # What is assumed where nobody measured it, and what an impact rests on besides restitution.
 ASSUMED = ("load_edge", "rollers.damping")
 
 
-def read_machine(crusher: Crusher) -> Described:
+def read_machine(crusher: Crusher) -> Machine:
     """Return what a scene file and the command line describe: a crusher, or any linkage.
 
     Of a crusher unusual numbers are told, and those that a scene file leaves to the paper; of a
-    linkage what the laws of its loose joints take from the paper. Raises ValueError as `described`,
-    `build_chamber` and `remarks` of `jaxcrusher.scenes.plausibility` do.
+    linkage what the laws of its loose joints take from the paper. Raises ValueError as
+    `jaxcrusher.read_machine` does, and for numbers that cannot be.
     """
-    found = described(crusher.scene, crusher.overrides)
-    if found.make is not None:
-        tell_defaults(crusher.scene, found.values, found.defaults)
-        return found
+    found = jc.read_machine(crusher.scene, crusher.overrides)
     with naming(crusher.scene, found.given):
-        build_chamber(found.values)
-        tell_unusual(found.values)
-    tell_borrowed(found.given, crusher.scene)
+        tell_about(found, crusher.scene)
     return found
 
 
-def read_crusher(crusher: Crusher) -> Described:
+def tell_about(machine: Machine, path: Path | None) -> None:
+    """Print on standard error what is unusual in a machine, and what its file leaves open.
+
+    Raises ValueError for numbers that cannot be.
+    """
+    for line in machine.unusual():
+        tell(f"unusual: {line}")
+    for line in () if path is None else machine.structure.left_open(machine):
+        tell(f"{path} {line}")
+
+
+def read_crusher(crusher: Crusher) -> Machine:
     """Return what is described; ValueError as `read_machine` says, and for another linkage."""
     found = read_machine(crusher)
-    crusher_of(found.scene)
+    crusher_of(found.scene())
     return found
 
 
-def borrowed_by(crusher: Crusher, found: Described) -> list[str]:
+def borrowed_by(crusher: Crusher, found: Machine) -> list[str]:
     """Return which numbers of a crusher its scene file leaves to the PE250x400; none without."""
-    return [] if crusher.scene is None or found.make is not None else borrowed(found.given)
+    return [] if crusher.scene is None else found.structure.borrowed(found.given)
 
 
 def variants_of(
-    found: Described, values: Mapping[str, Any], units: Mapping[str, str]
+    found: Machine, values: Mapping[str, Any], units: Mapping[str, str]
 ) -> tuple[dict[str, AbstractScene], list[str]]:
     """Return scenes with half and twice of what is assumed, and say which of them cannot be.
 
     Of a coefficient of restitution they have half and twice of what an impact loses: 0.95 and 0.8
     for 0.9. A number that the scene does not use, as that of steel beside rollers, has no variants.
     """
-    base, scenes, refused = found.build(dict(values)), {}, []
+    base, scenes, refused = found.scene(**values), {}, []
     losses = [name for name in values if name.rpartition(".")[2] == "restitution"]
     for name, factor in itertools.product((*ASSUMED, *losses), (0.5, 2.0)):
         if not (given := values.get(name)):
@@ -73,7 +78,7 @@ def variants_of(
         value = 1 - factor * (1 - given) if name in losses else factor * given
         title = all_said({name: value}, units)
         try:
-            scene = found.build({**values, name: value})
+            scene = found.scene(**{**values, name: value})
         except ValueError as error:
             refused.append(f"Without {title}: {error}")
         else:
@@ -94,10 +99,10 @@ def write_dataset(path: Path, dataset: xr.Dataset) -> None:
         {".nc": write_netcdf, ".mat": write_mat}[path.suffix](path, dataset)
 
 
-def read_moving(crusher: Crusher) -> Described:
+def read_moving(crusher: Crusher) -> Machine:
     """Read a machine whose pins can move in their bores; ValueError for ideal joints too."""
     found = read_machine(crusher)
-    require(not found.scene.is_ideal, "joint", "have clearance to move in", "ideal")
+    require(not found.scene().is_ideal, "joint", "have clearance to move in", "ideal")
     return found
 
 

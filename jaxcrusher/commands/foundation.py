@@ -21,8 +21,6 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import renamed, require, require_positive, require_whole
 from jaxcrusher.commands.crushers import borrowed_by, read_machine, settings_of, variants_of
 from jaxcrusher.commands.options import Crusher, Foundation
-from jaxcrusher.crusher.capacity import stroke, stroke_ratio
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json, write_table, write_text
@@ -53,11 +51,8 @@ from jaxcrusher.orbits.load_sheet import (
 from jaxcrusher.orbits.natural_modes import amplification
 from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.orbits.solving import NODES
-from jaxcrusher.scenes.build import build_chamber
-from jaxcrusher.scenes.described import Described
 from jaxcrusher.scenes.echo import all_said
-from jaxcrusher.scenes.parameters import NUMBERS
-from jaxcrusher.scenes.plausibility import has_constant_load
+from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.scene_file import points_of, quantity_in, read_range
 
 TITLE = "Load sheet of a machine's foundation"
@@ -88,14 +83,14 @@ def run(options: Foundation, console: Console) -> int:
     require_positive("seconds", options.seconds, "s")
     require_turns(options.settle, options.turns)
     found = read_machine(options.crusher)
-    values, scene = found.values, found.scene
+    values, scene = found.values, found.scene()
     site = site_of(values, options)
     low, high = _speeds(options, float(values["speed"]))
     numbers = {name: getattr(options, name) for name in ("orders", "points", "settle", "turns")}
     told = {"site": asdict(site), "speeds": [low, high], "seconds": options.seconds}
     folder = begin_beside(
         options.results.folder,
-        settings_of("foundation", values, **numbers, **told, **found.structure),
+        settings_of("foundation", values, **numbers, **told, **found.structure.record),
         *FILES,
     )
     with stages(console, "ideal joints"):
@@ -127,7 +122,7 @@ def run(options: Foundation, console: Console) -> int:
     speeds = np.linspace(low, high, options.points)
     with console.status("run-up"):
         curves = run_up(scene, speeds)
-    head = heading(found, options.crusher, turns)
+    head = heading(found, scene, options.crusher, turns)
     if varied and turns is not None:
         head["equivalent loads"] = varied
         head["knocks"] = knocks(turns, rows, options.orders)
@@ -167,43 +162,23 @@ def site_of(values: dict[str, Any], options: Foundation) -> Site:
     return Site(power, frame, points_of(values), (low, high), options.dynamic_factor, seconds)
 
 
-def heading(found: Described, crusher: Crusher, turns: Turns | None) -> dict[str, str]:
+def heading(
+    found: Machine, scene: AbstractScene, crusher: Crusher, turns: Turns | None
+) -> dict[str, str]:
     """Return what the sheet is of: machine, joints, loads, masses, and what was assumed."""
-    units, values, scene, given = found.units, found.values, found.scene, found.given
     name = "PE250x400" if crusher.scene is None else crusher.scene.stem
     if crusher.overrides:
         name += f" with {', '.join(f'{key} {value}' for key, value in crusher.overrides)}"
-
-    def told(*keys: str) -> str:
-        return all_said({key: values[key] for key in keys if key in values}, units)
-
-    parts = [key for key in NUMBERS if key.startswith(("foundation.", "rollers."))]
-    assumed = [key for key in (*parts, "load_law", "contact_law") if key not in given]
+    speed = all_said({"speed": found.values["speed"]}, found.units)
     head = {
         "machine": name,
         "date": datetime.date.today().isoformat(),
         "joints": joint_states(scene),
-        "running": f"{told('speed')}, {running_frequency(scene):.4g} Hz",
+        "running": f"{speed}, {running_frequency(scene):.4g} Hz",
+        **found.structure.about(found),
     }
-    if isinstance(scene, Scene):
-        constant = ("load",) if has_constant_load(values) else ("load_curve", "load_factor")
-        loads = "load_law", *constant, "load_point", "load_edge", "load_scatter"
-        masses = "shaft.mass", "jaw.mass", "toggle.mass", "counterweight.mass", "frame_mass"
-        head |= {
-            "crushing": _crushing(scene, values),
-            "loads": told(*loads),
-            "masses": told(*masses),
-        }
-        assumed = told(*assumed)
-    else:
-        head["masses"] = told(*(f"bodies.{name}.mass" for name in scene.linkage.bodies.names))
-        assumed = ", ".join(found.defaults)
-    head |= {
-        "foundation": told(*(n for n in parts if n in given and "foundation" in n)) or "clamped",
-        "assumed": assumed or "nothing",
-    }
-    if isinstance(scene, Scene):
-        head["from the PE250x400"] = ", ".join(borrowed_by(crusher, found)) or "nothing"
+    if borrowed := borrowed_by(crusher, found):
+        head["from the PE250x400"] = ", ".join(borrowed)
     if turns is not None and turns.failure:
         head["loose joints"] = f"the run failed: {turns.failure}"
     elif turns is not None:
@@ -219,16 +194,6 @@ def ranges(titles: Sequence[str]) -> str:
     rests = "impacts rest on the edge of the load and on damping, which are assumed"
     over = f"in brackets is the range over {', '.join(titles)}"
     return f"{rests}; {over if titles else 'the scene has no number of either to be varied'}"
-
-
-def _crushing(scene: Scene, values: dict[str, Any]) -> str:
-    """Say stroke and capacity of a machine."""
-    travel, ratio = 1e3 * float(stroke(scene.machine)), float(stroke_ratio(scene.machine))
-    capacity = float(build_chamber(values).capacity(scene.drive.speed))
-    told = (
-        f"stroke at the discharge {travel:.3g} mm horizontally, {ratio:.2f} times that vertically"
-    )
-    return f"{told}, capacity {capacity:.3g} m3/h by laminating theory"
 
 
 def _speeds(options: Foundation, speed: float) -> tuple[float, float]:

@@ -26,15 +26,15 @@ from jaxcrusher.scenes.scene_file import require_continuous
 def run(options: Gradient, console: Console) -> int:
     """Differentiate, print, write; 1 if the motion failed. ValueError for bad options."""
     found = read_moving(options.crusher)
-    metric = options.metric or found.scene.leading
+    metric = options.metric or found.scene().leading
     numbers = numbers_of(found.values)
     by = options.by or ("speed", *(name for name in numbers if name.endswith("clearance")))
-    _check(options, found.scene, metric, by, numbers)
+    _check(options, found.scene(), metric, by, numbers)
     names = "settle", "turns", "radius", "pairs", "seed", "rtol"
     asked = {"metric": metric, "by": by} | {name: getattr(options, name) for name in names}
-    values, unit = found.values, found.scene.statistics[metric].unit
+    values, unit = found.values, found.scene().statistics[metric].unit
     units = {name: unit_of(name, found.units)[0] for name in by}
-    settings = settings_of("gradient", values, **asked, units=units, **found.structure)
+    settings = settings_of("gradient", values, **asked, units=units, **found.structure.record)
     path = options.results.folder / "gradient.json"
     keep_beside(options.results.folder / SETTINGS, settings, path.name)
     kept = restored(path, settings)
@@ -42,14 +42,11 @@ def run(options: Gradient, console: Console) -> int:
         return _tell(kept, f"{path} (done before)", console)
     begin(options.results.folder, settings, path.name)
 
-    def scene(**numbers) -> AbstractScene:
-        return found.build({**values, **numbers})
-
     with console.status("compiling") as status:
         report = jc.gradient_report(
-            scene,
+            found,
             metric,
-            {name: values[name] for name in by},
+            by,
             settle_turns=options.settle,
             turns=options.turns,
             radius=options.radius,

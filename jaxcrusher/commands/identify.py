@@ -43,14 +43,14 @@ def run(options: Identify, console: Console) -> int:
     priors = {n: (typed(n, mean), typed(n, sigma)) for n, mean, sigma in options.prior}
     twice = len(priors) < len(options.prior)
     require(not twice, "prior", "name each number once", "twice of one")
-    quantities = quantities_of(machine.scene)
+    quantities = quantities_of(machine.scene())
     measured = taken(options.measured, quantities.unit, options.orders, quantities.phase)
     settings = settings_of(
         "identify",
         machine.values,
         measured=[asdict(one) for one in measured],
         **{name: getattr(options, name) for name in ("free", "prior", "starts", "noise")},
-        **machine.structure,
+        **machine.structure.record,
     )
     folder = begin_beside(options.results.folder, settings, *FILES)
     with stages(console, "solving (the first time a minute, most of it compilation)"):

@@ -49,10 +49,10 @@ ROUGH = "under the mean load: what load_scatter adds is told by jaxcrusher.feed_
 def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
     found = read_machine(options.crusher)
-    values, metrics = found.values, tuple(dict.fromkeys((found.scene.leading, "shaking_rms")))
+    values, metrics = found.values, tuple(dict.fromkeys((found.scene().leading, "shaking_rms")))
     require_whole("period", options.period, 1)
     asked = {"period": options.period, "effort": options.effort}
-    settings = settings_of("orbit", values, **asked, **found.structure)
+    settings = settings_of("orbit", values, **asked, **found.structure.record)
     matlab = ("orbit.mat",)
     written = "orbit.json", "orbit.csv", *(matlab if options.mat else ()), "orbit.png"
     folder = begin_beside(options.results.folder, settings, *written, spared=matlab)
@@ -60,7 +60,7 @@ def run(options: Orbit, console: Console) -> int:
 
     @eqx.filter_jit
     def build(numbers: dict[str, Any]) -> AbstractScene:
-        return found.build({**values, **numbers})
+        return found.scene(**numbers)
 
     # Not under `jax.jit`: the program that solves for the orbit serves its slopes too.
     def solve(numbers: dict[str, Any], **how: Any) -> PeriodicOrbit:

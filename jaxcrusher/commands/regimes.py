@@ -26,7 +26,6 @@ from jaxcrusher.motion.statistics import of_whirl
 from jaxcrusher.scenes.echo import all_said, units_of
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, SITE
-from jaxcrusher.scenes.plausibility import remarks
 from jaxcrusher.scenes.scene_file import key_of, read_text
 
 # The numbers of a row, besides statistics.
@@ -43,18 +42,18 @@ COLUMNS = {
 def run(options: Regimes, console: Console) -> int:
     """Classify what is not done yet; 1 if a run failed. ValueError for bad options."""
     found, designs = read_moving(options.crusher), read_designs(options)
-    values, outputs = found.values, of_whirl(found.scene)
-    columns = COLUMNS | columns_of(found.scene.statistics, outputs)
+    values, outputs = found.values, of_whirl(found.scene())
+    columns = COLUMNS | columns_of(found.scene().statistics, outputs)
     units = found.units | _units(options)
     for name, least in (("settle", 0), ("turns", LEAST_TURNS), ("tangent_turns", 1)):
         require_whole(name, getattr(options, name), least)
     require_tolerance(options.rtol)
-    scenes = [found.build({**values, **design}) for design in designs]
+    scenes = [found.scene(**design) for design in designs]
     moving = all(scene.has_unknowns for scene in scenes)
     require(moving, "design", "have clearance to move in", "ideal")
-    for design in designs if found.make is None else ():
-        remarks({**values, **design})
-    settings = _settings(options, values, list(designs[0])) | found.structure
+    for design in designs:
+        found.replace(**design).unusual()
+    settings = _settings(options, values, list(designs[0])) | found.structure.record
     folder = results_folder(options.results.folder)
     keep_beside(folder / "regimes.json", settings, "regimes.nc")
     kept = earlier(folder / "regimes.json", settings, "name")

@@ -56,13 +56,13 @@ SCATTERED = 0.01
 def run(options: Simulate, console: Console) -> int:
     """Simulate, write, print; 1 if the integration failed. ValueError for bad options."""
     found = read_machine(options.crusher)
-    values, scene = found.values, found.scene
+    values, scene = found.values, found.scene()
     span = _span(options, values["speed"])
     settle = _settle(options, span)
     require_whole("samples", options.samples, 2)
     require_tolerance(options.rtol)
     numbers = {"turns": span, "settle": settle, "samples": options.samples, "rtol": options.rtol}
-    settings = settings_of("simulate", values, **numbers, **found.structure)
+    settings = settings_of("simulate", values, **numbers, **found.structure.record)
     asked = {"motion.csv": options.csv, "motion.mat": options.mat}
     written = "motion.nc", *(name for name, wanted in asked.items() if wanted), "motion.png"
     folder = begin_beside(options.results.folder, settings, *written, spared=asked)
@@ -87,7 +87,7 @@ def run(options: Simulate, console: Console) -> int:
     if failure:
         console.print(f"FAILED: {failure}", style="red")
     else:
-        if found.make is None:
+        if "main" in scene.joints.names:
             console.print(closing(motion, summary, settle, scene.joints.names))
         else:
             console.print(closing_of_linkage(motion, summary, settle))

@@ -19,8 +19,7 @@ from jaxcrusher.files.results import results_folder, write_figure
 from jaxcrusher.files.table import digits
 from jaxcrusher.pictures.plots import plot_sweep
 from jaxcrusher.scenes.echo import all_said, units_of
-from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, POINTS, SITE
-from jaxcrusher.scenes.plausibility import require_possible
+from jaxcrusher.scenes.parameters import CHOICES
 
 if TYPE_CHECKING:
     import distributed
@@ -29,13 +28,10 @@ if TYPE_CHECKING:
 def run(options: Sweep, console: Console) -> int:
     """Sweep and print a closing line; 1 if a design failed. ValueError for bad options."""
     found, axes = read_machine(options.crusher), read_axes(options.over)
-    values, leading = found.values, found.scene.leading
-    # What the motion does not depend on: of the chamber a bed of rock is made, and nothing else.
-    rock = "chamber" in axes.get("load_law", [values.get("load_law")])
-    idle = {*SITE, *(() if rock else CHAMBER), *(n for n in values if n.startswith(POINTS))}
-    base = {n: value for n, value in values.items() if n not in axes and n not in idle}
-    if found.make is None:
-        require_possible(values, axes)
+    leading = found.scene().leading
+    for name, axis in axes.items():
+        for end in (axis[0], axis[-1]):
+            found.replace(**{name: end}).unusual()
     folder = results_folder(options.results.folder)
     designs = math.prod(len(axis) for axis in axes.values())
     # The store is chosen by --name here.
@@ -43,11 +39,10 @@ def run(options: Sweep, console: Console) -> int:
     with progress(console) as bars, _workers(options.scheduler) as scheduler, called:
         bar = bars.add_task("designs", total=designs)
         grid = sweep(
+            found,
             axes,
             options.settle,
             options.turns,
-            base=base,
-            scene=found.make,
             store=folder / "sweep.zarr",
             chunk=options.chunk,
             engine=options.engine,

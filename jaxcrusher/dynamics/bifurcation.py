@@ -18,26 +18,29 @@ from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.dynamics.regime import LEAST_TURNS, NOISE
 from jaxcrusher.files.table import COLUMNS, columns_of, dataset
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
-from jaxcrusher.mechanism.scene import AbstractScene, require_maker
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.indicators import detect_period, spread_trend
 from jaxcrusher.motion.section import Section, poincare_section
 from jaxcrusher.motion.statistics import of_whirl
+from jaxcrusher.scenes.earlier import unnamed
+from jaxcrusher.scenes.machine import Machine, machine_of
 
 # The first coordinates of a section point, and what is told of a value besides.
 COORDINATES = ("e_x", "e_y", "rate_x", "rate_y")
 FLAGS = ("success", "whirl", "settled", "period")
 
 
+@unnamed("value")
 def bifurcation(
-    scene: Callable[[float], AbstractScene],
+    machine: Machine | Callable[..., AbstractScene],
+    name: str,
     values: ArrayLike | Sequence[float],
     *,
     direction: Literal["up", "down", "cold"] = "up",
     settle_turns: int,
     turns: int,
-    name: str = "value",
-    units: str = "1",
+    units: str | None = None,
     rtol: float = 1e-9,
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
@@ -45,13 +48,15 @@ def bifurcation(
 
     **Arguments:**
 
-    - `scene`: makes a crusher with clearance and constant speed; they differ in numbers only.
+    - `machine`: a crusher with clearance and constant speed, as
+      `jaxcrusher.paper_machine(start="contact")`, or a function of your own that makes one.
+    - `name`: of the number that varies, such as "speed".
     - `values`: shape (n,), increasing.
     - `direction`: `"up"` and `"down"` begin each value with the state that the last one ended
       in (e in clearances and its rate), the first with its scene's start; `"cold"` begins each
       with its scene's start, on all cores. Where up and down differ there is hysteresis.
     - `settle_turns`, `turns`: >= 0 and >= 20.
-    - `name`, `units`: of the parameter, for the labels.
+    - `units`: of the number, for the labels; None is what the machine says.
     - `rtol`: as in `jaxcrusher.statistics`. `progress`: called with the number of finished and of
       all values.
 
@@ -65,7 +70,7 @@ def bifurcation(
     `poincare_section` does.
     """
     require_set_up()
-    require_maker(scene)
+    machine = machine_of(machine)
     require_choice("direction", direction, ("up", "down", "cold"))
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, LEAST_TURNS)
@@ -73,13 +78,11 @@ def bifurcation(
     numbers = np.asarray(values, dtype=float)
     good = numbers.ndim == 1 and numbers.size > 0 and bool((np.diff(numbers) > 0).all())
     require(good, "values", "have shape (n,), n > 0, and increase", values)
-    scenes = [crusher_of(scene(float(number))) for number in numbers]
+    scenes = [crusher_of(machine.scene(**{name: float(number)})) for number in numbers]
     moves = all(
         isinstance(one.formulation, EccentricityFormulation) and not one.is_ideal for one in scenes
     )
-    require(
-        moves, "scene", "make scenes with clearance, in the eccentricity formulation", scenes[0]
-    )
+    require(moves, "machine", "have clearance, and the eccentricity formulation", scenes[0])
     run = eqx.Partial(_run, settle=settle_turns, turns=turns, rtol=rtol)
     count, rows = len(scenes), [{}] * len(numbers)
     if direction == "cold":
@@ -95,7 +98,9 @@ def bifurcation(
             state = found.state if rows[i]["success"] else None
             if progress is not None:
                 progress(done, count)
-    return _dataset(numbers, rows, name, units, direction, settle_turns)
+    of = machine.numbers.get(name)
+    unit = units or ("1" if of is None else of.unit)
+    return _dataset(numbers, rows, name, unit, direction, settle_turns)
 
 
 def _run(

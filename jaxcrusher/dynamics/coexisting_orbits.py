@@ -34,6 +34,8 @@ from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.transient import WAIT_RTOL, section_points
+from jaxcrusher.scenes.earlier import axes_first
+from jaxcrusher.scenes.machine import Machine, machine_of
 
 # A run is looked at so many times; the orbits searched for, and a multiple of all their periods.
 LOOKS, PERIODS, CYCLE = 4, (1, 2, 3, 4), 12
@@ -290,11 +292,11 @@ HELD = (
 )
 
 
+@axes_first
 def basin_map(
+    machine: Machine | Callable[..., AbstractScene],
     axes: Mapping[str, Any],
     *,
-    base: Mapping[str, Any] | None = None,
-    scene: Callable[..., AbstractScene] | None = None,
     starts: int = 32,
     spread: float = 0.5,
     turns: int = 1000,
@@ -309,7 +311,7 @@ def basin_map(
 
     **Arguments:**
 
-    - `axes`, `base`, `scene`: as in `jaxcrusher.orbit_map`.
+    - `machine`, `axes`: as in `jaxcrusher.orbit_map`.
     - `starts`, `spread`, `turns`, `seed`: as in `jaxcrusher.coexisting_orbits`.
     - `store`: None, or a folder in which each finished design is kept, as a Zarr store. Killed at
       any moment and called again with the same arguments, the map goes on where it was.
@@ -326,7 +328,7 @@ def basin_map(
     """
     require_set_up()
     _require_asked(starts, spread, turns, seed)
-    grid = make_grid(axes, base, scene)
+    grid = make_grid(machine_of(machine), axes)
     report = progress or (lambda finished, of: None)
     report(0, grid.size)
     asked = {"starts": starts, "spread": spread, "turns": turns, "seed": seed}

@@ -12,7 +12,7 @@ from jaxtyping import Array, PyTree, Scalar
 from jaxcrusher.basics.checks import require, require_choice, require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import Engine, name_of, without_lanes
-from jaxcrusher.batch.points import Grid, SceneFunction, make_grid, scene_by
+from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import Layout, opened
 from jaxcrusher.dynamics.many_orbits import MOTION, SEEN, Problem, Rows, beside, solve_orbits
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
@@ -20,13 +20,15 @@ from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES, SETTLED
+from jaxcrusher.scenes.earlier import axes_first
+from jaxcrusher.scenes.machine import AbstractStructure, Machine, machine_of, scene_by
 
 
+@axes_first
 def orbit_map(
+    machine: Machine | Callable[..., AbstractScene],
     axes: Mapping[str, Any],
     *,
-    base: Mapping[str, Any] | None = None,
-    scene: Callable[..., AbstractScene] | None = None,
     period: int = 1,
     slopes: Sequence[str] = (),
     metric: str | None = None,
@@ -47,15 +49,14 @@ def orbit_map(
 
     **Arguments:**
 
-    - `axes`: names of `jaxcrusher.PE250X400` -> values, shape (n,), in SI units, or choices.
+    - `machine`: what does not vary, as in `jaxcrusher.sweep`.
+    - `axes`: names of the machine's numbers -> values, shape (n,), in SI units, or choices.
       Neighbours are cells some steps along a number, so their order should be increasing.
-    - `base`: names -> values of what does not vary, where it is not the paper's.
     - `period`: turns of the motions, as in `periodic_orbit`.
     - `nodes`: even number of nodes a turn. None is 96, and 192 for what these do not solve, or
       leave with an `error` above 1e-8.
     - `slopes`: names of numbers by which `metric`, a statistic of `PeriodicOrbit`, is
       differentiated: any number of them costs about as much as one.
-    - `scene`: a function of your own that makes the scene, as in `jaxcrusher.sweep`.
     - `store`: None, or a folder in which the map is kept while it is computed, and then as a Zarr
       store. Killed at any moment and called again with the same arguments, it goes on where it was
       and ends with the same bits.
@@ -82,7 +83,7 @@ def orbit_map(
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
     levels = (NODES, 2 * NODES) if nodes is None else (nodes,)
-    grid, slopes = make_grid(axes, base, scene), tuple(slopes)
+    grid, slopes = make_grid(machine_of(machine), axes), tuple(slopes)
     require_names("slopes", slopes, tuple(grid.numbers_described))
     require(len(set(slopes)) == len(slopes), "slopes", "name every number once", slopes)
     groups = list(grid.alike())
@@ -104,7 +105,7 @@ def orbit_map(
             found = {}
             for (choices, designs), one in zip(groups, first, strict=True):
                 problem = Problem(
-                    eqx.Partial(_scene, slopes=slopes, make=grid.function, choices=choices),
+                    eqx.Partial(_scene, slopes=slopes, structure=grid.structure, choices=choices),
                     eqx.Partial(_metric, name=metric),
                     period,
                     unknowns(one),
@@ -128,11 +129,11 @@ def _scene(
     free: Array,
     rest: dict[str, Array],
     slopes: tuple[str, ...],
-    make: SceneFunction | None,
+    structure: AbstractStructure,
     choices: Mapping[str, str],
 ) -> AbstractScene:
     numbers = rest | {name: free[i] for i, name in enumerate(slopes)}
-    return scene_by(make, numbers, choices)
+    return scene_by(structure, {**numbers, **choices})
 
 
 def _metric(

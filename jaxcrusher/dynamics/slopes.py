@@ -6,7 +6,7 @@ linear fit over pairs of runs.
 """
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import equinox as eqx
@@ -29,7 +29,7 @@ from jaxcrusher.batch.engines import map_all
 from jaxcrusher.dynamics.judgement import FITS, Slope, judge
 from jaxcrusher.dynamics.regime import Regime, classify
 from jaxcrusher.mechanism.reductions import Statistic
-from jaxcrusher.mechanism.scene import AbstractScene, require_maker
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.method import require_tolerance
@@ -38,7 +38,8 @@ from jaxcrusher.motion.tangents import SLICES, Tangents, changes, combine, tange
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.slopes import OrbitSlopes, orbit_beside, orbit_slopes
-from jaxcrusher.scenes.parameters import NUMBERS
+from jaxcrusher.scenes.machine import Machine, machine_of
+from jaxcrusher.scenes.parameters import Parameter
 
 # Regime -> why its slope may not be that of the motion in the end.
 UNSETTLED = {
@@ -95,9 +96,9 @@ class GradientReport:
 
 
 def gradient_report(
-    scene: Callable[..., AbstractScene],
+    machine: Machine | Callable[..., AbstractScene],
     metric: str,
-    parameters: dict[str, float],
+    parameters: Mapping[str, float] | Sequence[str],
     *,
     settle_turns: int = 50,
     turns: int = 50,
@@ -111,9 +112,10 @@ def gradient_report(
 
     **Arguments:**
 
-    - `scene`: makes a scene from the parameters, by keyword.
+    - `machine`: such as `jaxcrusher.paper_machine(start="contact")`, or a function of your own
+      that makes a scene of the parameters, by keyword.
     - `metric`: any of the outputs of `jaxcrusher.statistics`.
-    - `parameters`: name -> value: the design.
+    - `parameters`: names of numbers, or names -> values where these are not the machine's.
     - `settle_turns`, `turns`, `rtol`: of every run, as in `jaxcrusher.statistics`.
     - `radius`: of neighbouring orbits and of fits (a second one has half of it), as a share of
       each value, or where that is 0 of the scale `jaxcrusher.PARAMETERS` has for the name.
@@ -133,9 +135,11 @@ def gradient_report(
     Raises ValueError for an unknown metric, for no parameters, for a value of 0 without a scale,
     for an ideal joint, and for a radius, turns, pairs, a seed or a tolerance out of range.
     """
-    require_maker(scene)
-    good = isinstance(parameters, Mapping) and len(parameters) > 0
+    machine = machine_of(machine)
+    good = not isinstance(parameters, str) and len(parameters) > 0
     require(good, "parameters", 'name at least one number, as {"speed": 30.0}', repr(parameters))
+    if not isinstance(parameters, Mapping):
+        parameters = {name: machine.number(name) for name in parameters}
     require_untraced("parameters", parameters, "gradient_report", "jaxcrusher.statistics")
     require_positive("radius", radius, "")
     whole = (("settle_turns", settle_turns, 0), ("turns", turns, 1), ("pairs", pairs, 1))
@@ -145,12 +149,13 @@ def gradient_report(
     for name, value in parameters.items():
         require_within(f"parameters[{name!r}]", value, -np.inf, np.inf)
     names, numbers = tuple(parameters), np.array([*parameters.values()], dtype=float)
-    radii = radius * np.array([_scale(name, value) for name, value in parameters.items()])
+    known = machine.replace(**parameters).numbers
+    radii = radius * np.array([_scale(n, value, known) for n, value in parameters.items()])
     point = jnp.asarray(numbers)
-    make = eqx.Partial(_build, scene=scene, names=names)
+    make = machine.over(*names)
     here = make(point)
     require_choice("metric", metric, tuple(here.statistics))
-    require(not here.is_ideal, "scene", "make scenes with a clearance joint", "an ideal one")
+    require(not here.is_ideal, "machine", "have a joint with clearance", "ideal joints")
     statistic = here.statistics[metric]
     build = traced(make, point)
     horizon = settle_turns + turns
@@ -245,19 +250,13 @@ def _growth_over(turns: int, kind: Regime) -> tuple[float, float]:
     return float(largest) * turns, float(error) * turns
 
 
-def _build(
-    values: Float[Array, " n"], scene: Callable[..., AbstractScene], names: tuple
-) -> AbstractScene:
-    return scene(**dict(zip(names, values, strict=True)))
-
-
-def _scale(name: str, value: float) -> float:
+def _scale(name: str, value: float, known: Mapping[str, Parameter]) -> float:
     """Return the scale of a radius: the value, or where that is 0 the parameter's own scale."""
     if value != 0:
         return abs(value)
-    known = name in NUMBERS
-    require(known, name, "have a scale (be one of jaxcrusher.PARAMETERS) or not be 0", value)
-    return NUMBERS[name].scale
+    must = "have a scale (be one of jaxcrusher.PARAMETERS) or not be 0"
+    require(name in known, name, must, value)
+    return known[name].scale
 
 
 def _growth(along: Tangents) -> float:

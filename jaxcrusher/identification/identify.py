@@ -1,6 +1,6 @@
 """From measured vibration to the numbers of a machine, with what the data cannot tell."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,21 +17,20 @@ from jaxcrusher.basics.checks import require, require_positive, require_whole, r
 from jaxcrusher.basics.setup import cores, require_set_up
 from jaxcrusher.identification.measurements import Measurement, taken
 from jaxcrusher.identification.model import (
-    Machine,
-    Maker,
     Quantities,
     Seen,
     What,
     look,
-    maker_of,
     quantities_of,
     require_continuous,
     residual_rows,
 )
 from jaxcrusher.mechanism.reductions import require_orders
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.solving import NODES
+from jaxcrusher.scenes.earlier import of_description
 from jaxcrusher.scenes.echo import unit_of as shown_in
-from jaxcrusher.scenes.parameters import NUMBERS
+from jaxcrusher.scenes.machine import Machine, machine_of
 
 # A direction cannot be told if its standard deviation is this share of its numbers: the interval
 # of 95 % is then as wide as they are.
@@ -80,7 +79,7 @@ class Further:
 class _Problem:
     """Measurements and priors to be met by u, the numbers in shares of their size."""
 
-    make: Maker
+    machine: Machine
     quantities: Quantities
     size: Mapping[str, float]
     bounds: Float[np.ndarray, "2 n"]
@@ -93,11 +92,12 @@ class _Problem:
         """Return what is seen at each speed, and its slopes by u."""
         if (u.tobytes(), what) in self.known:
             return self.known[u.tobytes(), what]
-        names, sizes = (*self.size, "speed"), jnp.array([*self.size.values(), 1.0])
+        scenes = self.machine.over(*self.size, "speed")
+        sizes = jnp.array([*self.size.values(), 1.0])
 
         def at(speed: float) -> tuple[Seen, Seen]:
             point = jnp.array([*u, speed])
-            found = look(self.make, names, len(u), point, sizes, what, {"nodes": self.nodes})
+            found = look(scenes, len(u), point, sizes, what, {"nodes": self.nodes})
             return jax.tree.map(np.asarray, found)
 
         first, *others = sorted({one.speed for one in self.measured})
@@ -258,8 +258,9 @@ class Identified:
         return "\n".join(self.lines())
 
 
+@of_description
 def identify(
-    scene: Machine,
+    machine: Machine | Callable[..., AbstractScene],
     measured: Path | str | Iterable[Path | str | Measurement],
     free: Sequence[str] | Mapping[str, float],
     *,
@@ -275,13 +276,12 @@ def identify(
 
     **Arguments:**
 
-    - `scene`: names -> values as of `jaxcrusher.build_scene`, what `described` of
-      `jaxcrusher.scenes.described` reads of any file, or a function that makes a scene of the free
-      numbers and the `speed`, by keyword.
+    - `machine`: such as `jaxcrusher.read_machine("pump.toml")`, or a function of your own that
+      makes a scene of the free numbers and the `speed`, by keyword.
     - `measured`: CSV files as `jaxcrusher.identification.measurements` has them, or `Measurement`s.
-      Of time series harmonics up to `orders` are taken, by the phase that the drive of `scene`
+      Of time series harmonics up to `orders` are taken, by the phase that the drive of it
       has at the shaft's angles.
-    - `free`: names of numbers to be found, which begin at their values in `scene`, or names ->
+    - `free`: names of numbers to be found, which begin at their values in it, or names ->
       values to begin with. Bounds are the limits of their scene files.
     - `priors`: names of free numbers -> mean and standard deviation of what else is known of them.
     - `starts`: all but the first are drawn by `seed`, off by up to a factor of two, or by half of
@@ -296,12 +296,12 @@ def identify(
     """
     require_set_up()
     require_whole("starts", starts, 1)
-    make, names = maker_of(scene), () if isinstance(free, str) else tuple(free)
+    machine, names = machine_of(machine), () if isinstance(free, str) else tuple(free)
     good = 0 < len(names) == len(set(names)) and "speed" not in names
     require(good, "free", "name numbers but the speed, each once", repr(free))
     require_continuous("free", names)
-    values = free if isinstance(free, Mapping) else {name: make.value(name) for name in names}
-    problem, begin = _problem(make.without(names), values, priors or {}, nodes)
+    values = free if isinstance(free, Mapping) else {name: machine.number(name) for name in names}
+    problem, begin = _problem(machine, values, priors or {}, nodes)
     known = problem.quantities
     problem = replace(problem, measured=taken(measured, known.unit, orders, known.phase))
     shifts = 2 * qmc.LatinHypercube(len(begin), rng=seed).random(starts - 1) - 1
@@ -320,16 +320,16 @@ def identify(
 
 
 def _problem(
-    make: Maker,
+    machine: Machine,
     values: Mapping[str, float],
     priors: Mapping[str, tuple[float, float]],
     nodes: int,
 ) -> tuple[_Problem, Float[np.ndarray, " n"]]:
     """Return what is to be solved but for measurements, checked, and the start in shares."""
-    names = list(values)
+    names, numbers = list(values), machine.replace(**values).numbers
     sizes, bounds, known = {}, [], [(0.0, 0.0)] * len(names)
     for name, value in values.items():
-        of, every = NUMBERS.get(name), (-np.inf, np.inf)
+        of, every = numbers.get(name), (-np.inf, np.inf)
         low, high = every if of is None else of.limits or (0.0, np.inf)
         require_within(f"free[{name!r}]", value, low, high)
         sizes[name] = size = abs(value) or (1.0 if of is None else of.scale)
@@ -340,9 +340,9 @@ def _problem(
         require(bool(np.isfinite(mean)), f"priors[{name!r}]", "have a finite mean", mean)
         known[names.index(name)] = mean / sizes[name], sizes[name] / sigma
     # What it shows does not depend on the speed, which a description has.
-    scene = make(**values, **({} if make.fixed else {"speed": 30.0}))
+    scene = machine.scene(**values, **({} if "speed" in machine.values else {"speed": 30.0}))
     bounds, prior = np.array(bounds).T, np.array(known).T
-    problem = _Problem(make, quantities_of(scene), sizes, bounds, (), prior, nodes)
+    problem = _Problem(machine, quantities_of(scene), sizes, bounds, (), prior, nodes)
     return problem, np.array([values[name] / sizes[name] for name in names])
 
 

@@ -1,7 +1,7 @@
 """What a machine shows at a point of its numbers: harmonics, RMS values and statistics."""
 
-from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -11,68 +11,23 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require, require_known
-from jaxcrusher.batch.points import SceneFunction, scene_by
 from jaxcrusher.identification.measurements import RMS, WHOLE, Measurement
 from jaxcrusher.mechanism.reductions import SAMPLES
-from jaxcrusher.mechanism.scene import AbstractScene, require_maker
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.scenes.described import Described
+from jaxcrusher.scenes.machine import Family
 from jaxcrusher.scenes.parameters import WHOLE as WHOLE_NUMBERS
-from jaxcrusher.scenes.parameters import complete
 
-# A description for `build_scene`, or of a file, or a function that makes a scene of named numbers.
-Machine = Mapping[str, Any] | Described | SceneFunction
 # A number of an orbit beside its statistics.
 LEAST_PENETRATION = "least_penetration"
 SIDES = ("_x", "_y")
-
-
-@dataclass(frozen=True)
-class Maker:
-    """Makes scenes of a machine in which some numbers vary; it equals its copies."""
-
-    function: SceneFunction | None
-    fixed: tuple[tuple[str, Any], ...]  # a curve as a tuple of points
-
-    def __call__(self, **numbers: Any) -> AbstractScene:
-        """Return the scene of these numbers."""
-        return scene_by(self.function, numbers, dict(self.without(numbers).fixed))
-
-    def without(self, names: Container[str]) -> "Maker":
-        """Return what makes the same scenes of these numbers, whatever they were."""
-        return replace(self, fixed=tuple(one for one in self.fixed if one[0] not in names))
-
-    def value(self, name: str) -> float:
-        """Return a number of the description; ValueError for what is none."""
-        numbers = {key: value for key, value in self.fixed if isinstance(value, float)}
-        require(len(numbers) > 0, name, "have a value, as {name: value}", "a name alone")
-        require_known(name, numbers)
-        return numbers[name]
 
 
 def require_continuous(argument: str, names: Iterable[str]) -> None:
     """ValueError for a whole number, by which nothing has slopes."""
     whole = [name for name in names if name in WHOLE_NUMBERS]
     require(not whole, argument, "name numbers that may vary continuously", ", ".join(whole))
-
-
-def maker_of(machine: Machine) -> Maker:
-    """Return what makes the scenes of a machine; ValueError for what is none."""
-    if isinstance(machine, Mapping):
-        function, values = None, complete(machine)
-    elif isinstance(machine, Described):
-        function, values = machine.make, machine.values
-    else:
-        require_maker(machine)
-        return Maker(machine, ())
-    fixed = {}
-    for name, value in values.items():
-        curve = np.ndim(value) > 0
-        if not isinstance(value, str):
-            value = tuple(map(tuple, np.asarray(value).tolist())) if curve else float(value)
-        fixed[name] = value
-    return Maker(function, tuple(fixed.items()))
 
 
 class What(NamedTuple):
@@ -150,8 +105,7 @@ def quantities_of(scene: AbstractScene) -> Quantities:
 
 @eqx.filter_jit
 def look(
-    make: Maker,
-    names: tuple[str, ...],
+    scenes: Family,
     moved: int,
     point: Float[Array, " n"],
     sizes: Float[Array, " n"],
@@ -160,13 +114,13 @@ def look(
 ) -> tuple[Seen, Seen]:
     """Return what is seen at a point, and its slopes by the first `moved` of its coordinates.
 
-    These are the named numbers in shares of `sizes`. `how` are arguments of `periodic_orbit`. NaN
-    where there is no orbit.
+    These are the numbers of `scenes` in shares of `sizes`. `how` are arguments of `periodic_orbit`.
+    NaN where there is no orbit.
     """
 
     def at(some: Float[Array, " moved"]) -> tuple[Seen, Seen]:
         numbers = sizes * jnp.concatenate([some, point[moved:]])
-        orbit = periodic_orbit(make(**dict(zip(names, numbers, strict=True))), **how)
+        orbit = periodic_orbit(scenes(numbers), **how)
         seen = _seen(orbit, what)
         return seen, seen
 

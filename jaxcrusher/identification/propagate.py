@@ -1,6 +1,6 @@
 """From tolerances of a machine's numbers to the scatter of what its periodic orbit shows."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import equinox as eqx
 import jax
@@ -11,15 +11,16 @@ import xarray as xr
 from jaxcrusher.basics.checks import require, require_names, require_positive
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.identification.model import (
-    Machine,
     What,
     look,
-    maker_of,
     quantities_of,
     require_continuous,
 )
 from jaxcrusher.mechanism.reductions import require_orders
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.scenes.earlier import of_description, orbit_first
+from jaxcrusher.scenes.machine import Machine, machine_of
 
 # What changes a standard deviation by more than this share counts: 500 draws have such an error.
 LINEAR = 0.03
@@ -28,9 +29,11 @@ SAME = 1e-12  # rounding of two ways to one number
 TINY = np.finfo(float).tiny
 
 
+@orbit_first
+@of_description
 def propagate(
+    machine: Machine | Callable[..., AbstractScene],
     orbit: PeriodicOrbit,
-    machine: Machine,
     sigmas: Mapping[str, float | tuple[float, float]],
     *,
     outputs: tuple[str, ...] | None = None,
@@ -47,9 +50,8 @@ def propagate(
 
     **Arguments:**
 
-    - `orbit`: a `PeriodicOrbit`.
-    - `machine`: what its scene was made of, which has the names of numbers: one as of
-      `jaxcrusher.identify`; a function has the numbers of `sigmas` alone.
+    - `machine`: as in `jaxcrusher.identify`; a function has the numbers of `sigmas` alone.
+    - `orbit`: a `PeriodicOrbit` of its scene.
     - `sigmas`: names of numbers -> standard deviations, or of a function value and deviation.
     - `outputs`: statistics, or `least_penetration`; None is those that are computed always.
     - `observables`: those whose amplitudes up to `orders` are wanted; None is the force and the
@@ -70,25 +72,25 @@ def propagate(
     require_orders(orders)
     require(len(sigmas) > 0, "sigmas", "name a number", "empty")
     require(bool(orbit.success), "orbit", "be one that was found", f"none: {orbit.failure}")
-    make, names = maker_of(machine), tuple(sigmas)
+    machine, names = machine_of(machine), tuple(sigmas)
     require_continuous("sigmas", names)
-    pairs = [of if isinstance(of, tuple) else (make.value(n), of) for n, of in sigmas.items()]
+    pairs = [of if isinstance(of, tuple) else (machine.number(n), of) for n, of in sigmas.items()]
     first, sizes = np.array(pairs, float).T
     for name, size in zip(names, sizes, strict=True):
         require_positive(f"sigmas[{name!r}]", size, "")
-    example = make(**dict(zip(names, first, strict=True)))
+    example = machine.scene(**dict(zip(names, first, strict=True)))
     same = bool(eqx.tree_equal(example, orbit.scene, rtol=SAME))
-    require(same, "machine", "make the scene of the orbit", "another one")
+    require(same, "machine", "have the scene of the orbit", "another one")
     quantities = quantities_of(example)
     outputs = example.usual_statistics if outputs is None else outputs
     observables = ("ground_force", "ground_moment") if observables is None else observables
     require_names("outputs", outputs, tuple(quantities.statistics))
     require_names("observables", observables, tuple(quantities.observables))
-    what, make, how = What(observables, orders, outputs), make.without(names), orbit.alike
+    what, scenes, how = What(observables, orders, outputs), machine.over(*names), orbit.alike
 
     def seen(u: np.ndarray) -> tuple[dict[str, float], dict[str, np.ndarray]]:
         """Return numbers by quantity, and their slopes by standard deviations."""
-        found = look(make, names, len(u), jnp.asarray(u), jnp.asarray(sizes), what, how)
+        found = look(scenes, len(u), jnp.asarray(u), jnp.asarray(sizes), what, how)
         values, slopes = jax.tree.map(np.asarray, found)
         numbers = {name: float(value) for name, value in values.statistics.items()}
         by = dict(slopes.statistics)

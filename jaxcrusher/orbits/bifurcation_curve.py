@@ -3,10 +3,9 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Scalar
+from jaxtyping import Float
 
 from jaxcrusher.basics.checks import (
     require,
@@ -25,10 +24,14 @@ from jaxcrusher.periodic.branch import LOOP, Branch, follow
 from jaxcrusher.periodic.collocation_problem import CollocationProblem
 from jaxcrusher.periodic.event_curve import EventCurve, curve_of, cusps
 from jaxcrusher.periodic.events import DOUBLING, FOLD, PAIR, as_on
+from jaxcrusher.scenes.earlier import unnamed
+from jaxcrusher.scenes.machine import Machine, machine_of
 
 
+@unnamed("first", "second")
 def bifurcation_curve(
-    scene: Callable[[Scalar, Scalar], AbstractScene],
+    machine: Machine | Callable[..., AbstractScene],
+    names: tuple[str, str],
     event: Event,
     second: float,
     bounds: tuple[tuple[float, float], tuple[float, float]],
@@ -43,7 +46,8 @@ def bifurcation_curve(
 
     **Arguments:**
 
-    - `scene`: makes a scene from both parameters, which are traced.
+    - `machine`: as in `jaxcrusher.orbit_branch`.
+    - `names`: of the two numbers, such as ("speed", "clearance").
     - `event`: a fold, a period doubling, a Neimark-Sacker point or a loss of contact on the branch
       that `jaxcrusher.orbit_branch` followed over the first parameter.
     - `second`: the second parameter's value on that branch.
@@ -63,7 +67,8 @@ def bifurcation_curve(
     require_whole("points", points, 2)
     require_untraced("second", (second, bounds), "bifurcation_curve", "jaxcrusher.periodic_orbit")
     at = (event.parameter, second)
-    known = (FOLD, DOUBLING, PAIR, *map(lost, scene(*map(jnp.asarray, at)).joints.names))
+    over = machine_of(machine).over(*names)
+    known = (FOLD, DOUBLING, PAIR, *map(lost, over(jnp.asarray(at, float)).joints.names))
     good = event.kind in known and event.point is not None
     require(good, "event", f"be one of {known} that is located", event.kind)
     assert event.point is not None
@@ -72,7 +77,7 @@ def bifurcation_curve(
     scales = (abs(at[0]) / 30, abs(at[1]) / 30) if scales is None else scales
     for scale in scales:
         require_positive("scales", scale, "")
-    pair = traced(eqx.Partial(_of_pair, scene=scene), jnp.asarray(at, float))
+    pair = traced(over, jnp.asarray(at, float))
     nodal = isinstance(event.branch.problem, CollocationProblem)
     u = as_on(event.branch, event.point.u)
     base = problem_of(pair, jnp.asarray(at, float), event.point.turns, nodal)
@@ -94,10 +99,6 @@ def bifurcation_curve(
     table = tabulated(orbits, {"parameter": _first_of(joined), "second": joined.parameter})
     events = tuple(Event(one.kind, one.parameter, one.error, joined, one.point) for one in special)
     return OrbitBranch(table, orbits, events, ended, (joined,))
-
-
-def _of_pair(both: Array, *, scene: Callable[[Scalar, Scalar], AbstractScene]) -> AbstractScene:
-    return scene(both[0], both[1])
 
 
 def _first_of(branch: Branch) -> Float[np.ndarray, " points"]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jaxtyping import Array, ArrayLike, Float, Scalar
+from jaxtyping import Array, ArrayLike, Float
 
 from jaxcrusher.basics.checks import (
     require,
@@ -23,7 +23,7 @@ from jaxcrusher.basics.setup import require_set_up, warn_once
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.files.table import COLUMNS, columns_of, dataset
-from jaxcrusher.mechanism.scene import AbstractScene, require_maker
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.scene_problems import orbit_of, problem_of
@@ -40,6 +40,8 @@ from jaxcrusher.periodic.events import (
 )
 from jaxcrusher.periodic.shooting_problem import ShootingProblem
 from jaxcrusher.periodic.trigonometric import resample
+from jaxcrusher.scenes.earlier import unnamed
+from jaxcrusher.scenes.machine import Machine, machine_of
 
 # Nodes a turn: near a fold an orbit and its multipliers want more than elsewhere.
 BRANCH_NODES = 192
@@ -139,8 +141,10 @@ class OrbitBranch:
         return f"by collocation with {shape[0] // problem.period} nodes a turn"
 
 
+@unnamed("value")
 def orbit_branch(
-    scene: Callable[[Scalar], AbstractScene],
+    machine: Machine | Callable[..., AbstractScene],
+    name: str,
     start: float | Departure,
     bounds: tuple[float, float],
     *,
@@ -160,10 +164,12 @@ def orbit_branch(
 
     **Arguments:**
 
-    - `scene`: makes a scene that `jaxcrusher.periodic_orbit` takes from a value, which is traced.
+    - `machine`: one whose scenes `jaxcrusher.periodic_orbit` takes, such as
+      `jaxcrusher.paper_machine(start="contact")`, or a function of your own that makes them.
+    - `name`: of the number that varies, such as "speed".
     - `start`, `bounds`: where the branch begins, and between what it is followed, to a last point
       on one of them. A `Departure`, as `Event.other_branch` gives it, begins a branch that leaves
-      another one of the same `scene`.
+      another one of the same `machine`.
     - `upwards`: whether the parameter grows at first; of a departure, to which of two sides.
     - `scale`: what a change of the parameter is small against, > 0; None is a thirtieth of
       `start`. Steps are a tenth of it at most, and shorter where multipliers move fast.
@@ -190,13 +196,12 @@ def orbit_branch(
     if nodes is not None:
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
-    require_maker(scene)
     require_untraced("start", (start, bounds), "orbit_branch", "jaxcrusher.periodic_orbit")
     value, (low, high) = start.parameter if isinstance(start, Departure) else start, bounds
     require_within("start", value, low, high)
     scale = abs(value) / 30 if scale is None else scale
     require_positive("scale", scale, "")
-    scene = traced(scene, jnp.asarray(value, float))
+    scene = traced(machine_of(machine).over(name), jnp.asarray(value, float))
     if isinstance(start, Departure):
         begin = start if nodes is None else start.with_nodes(nodes)
     else:

@@ -1,14 +1,17 @@
-"""The scene that a file describes, a crusher's or that of any linkage."""
+"""The machine that a file describes, a crusher or any linkage."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from jaxcrusher.basics.checks import require_choice
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.scenes.build import build_scene, by_stroke
+from jaxcrusher.scenes.build import by_stroke
+from jaxcrusher.scenes.crusher import Crusher
 from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.linkages import read_linkage, require_closing
+from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.parameters import complete
 from jaxcrusher.scenes.scene_file import (
     naming,
@@ -19,26 +22,6 @@ from jaxcrusher.scenes.scene_file import (
 )
 
 KINDS = ("crusher", "linkage")
-
-
-class Described(NamedTuple):
-    """A scene, the numbers and choices that describe it, and what makes another one of others."""
-
-    values: dict[str, Any]
-    scene: AbstractScene
-    make: Callable[..., AbstractScene] | None  # None: `jaxcrusher.build_scene`
-    given: dict[str, Any]  # those of the values that were written
-    units: dict[str, str]  # that they were written in
-    defaults: tuple[str, ...] = ()  # of a linkage, names that were not
-
-    @property
-    def structure(self) -> dict[str, str]:
-        """Return what besides the values decides what a scene does."""
-        return {} if self.make is None else {"drawing": repr(self.make)}
-
-    def build(self, values: dict[str, Any]) -> AbstractScene:
-        """Return the scene of other numbers and choices."""
-        return build_scene(values) if self.make is None else self.make(**values)
 
 
 def kind_of(path: Path | None) -> str:
@@ -52,23 +35,25 @@ def kind_of(path: Path | None) -> str:
     return kind
 
 
-def described(path: Path | None, overrides: Sequence[tuple[str, str]] = ()) -> Described:
-    """Return the scene of a file and of what overrides it; None is the paper's crusher.
+def read_machine(path: Path | str | None, overrides: Sequence[tuple[str, str]] = ()) -> Machine:
+    """Return the machine of a TOML file, a crusher or, with `kind = "linkage"`, any linkage.
 
-    Raises ValueError of one line for what cannot be read or built.
+    `overrides` are names with texts that stand in the place of the file's. With no file they are of
+    the paper's crusher. Raises ValueError of one line, with the file and the key, for what cannot
+    be read or built.
     """
+    path = None if path is None else Path(path)
+    units = _units(path, overrides)
     if kind_of(path) == "linkage":
         assert path is not None
-        drawing, values, defaults = read_linkage(path)
-        changed = read_overrides(overrides)
-        values = drawing.whole(values | changed)
-        left = tuple(name for name in defaults if name not in changed)
-        scene = drawing(**values)
-        require_closing(scene)
-        return Described(values, scene, drawing, values, _units(path, overrides), left)
+        found = replace(read_linkage(path), units=units)
+        if overrides:
+            found = found.replace(**read_overrides(overrides))
+            require_closing(found.scene())
+        return found
     given = given_by(path, overrides)
-    values = complete(given)
-    return Described(values, scene_of(values, path, given), None, given, _units(path, overrides))
+    scene_of(complete(given), path, given)
+    return Machine(Crusher(), given, units)
 
 
 def _units(path: Path | None, overrides: Sequence[tuple[str, str]]) -> dict[str, str]:
@@ -87,4 +72,4 @@ def read_scene(path: Path | str) -> AbstractScene:
 
     Raises ValueError of one line, with the file and the key.
     """
-    return described(Path(path)).scene
+    return read_machine(path).scene()

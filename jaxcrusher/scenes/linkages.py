@@ -34,7 +34,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -58,10 +58,13 @@ from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.topology import FRAME, dyads_of
 from jaxcrusher.scenes.build import drive_of, foundation_of, joint_of
+from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.load_curve import load_curve, read_curve
+from jaxcrusher.scenes.machine import AbstractStructure, Machine
 from jaxcrusher.scenes.parameters import (
     CHOICES,
     CHOICES_OF_A_JOINT,
@@ -71,6 +74,7 @@ from jaxcrusher.scenes.parameters import (
     Parameter,
     check_number,
     complete,
+    readable,
     within_limits,
 )
 from jaxcrusher.scenes.scene_file import (
@@ -142,8 +146,8 @@ _BROUGHT = {
 
 
 @dataclass(frozen=True)
-class Drawing:
-    """Which bodies a linkage has and what ties them; called with its numbers it is a scene.
+class Drawing(AbstractStructure):
+    """Which bodies a linkage has and what ties them.
 
     The numbers and choices go by the names that they have in a file, in SI units. Two drawings of
     one structure are equal, and share compiled programs.
@@ -158,13 +162,14 @@ class Drawing:
     points: tuple[tuple[str, str], ...]
     sides: tuple[int, ...]
 
-    def __call__(self, **values: Any) -> LinkageScene:
+    def scene(self, values: Mapping[str, Any]) -> LinkageScene:
         """Return the scene of these numbers, which may be traced.
 
         A number that only `jax.jit` knows and that lies outside its limits becomes NaN. Raises
-        ValueError as `whole` does, for a known one outside its limits, and for an unknown choice.
+        ValueError as `complete` does, for a known one outside its limits, and for an unknown
+        choice.
         """
-        v = self._within_limits(self.whole(values))
+        v = self._within_limits(self.complete(values))
         bearings = {
             name: _bearing(v, f"joints.{name}.")
             for name, *_ in self.joints
@@ -182,7 +187,7 @@ class Drawing:
             points=Named({name: _point(v, f"points.{name}", body) for name, body in self.points}),
         )
 
-    def whole(self, values: Mapping[str, Any]) -> dict[str, Any]:
+    def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return numbers and choices, with the defaults of those that others bring along.
 
         Raises ValueError of one line for a name that the linkage does not have, for one that stands
@@ -212,9 +217,7 @@ class Drawing:
 
     def _within_limits(self, values: dict[str, Any]) -> dict[str, Any]:
         """Return numbers and choices, each of which is checked as one of a file is."""
-        laws = CHOICES_OF_A_JOINT.items()
-        choices = {f"joints.{joint}.{of}": known for joint, *_ in self.joints for of, known in laws}
-        choices |= _CHOICES
+        choices = self.choices(values)
         for name, value in values.items():
             if name in choices:
                 _require_choice(name, value, choices[name])
@@ -222,6 +225,40 @@ class Drawing:
             NUMBERS.setdefault(name, _parameter(name))
             check_number(name, value)
         return within_limits(values)
+
+    def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
+        """Return those of the names that are numbers."""
+        choices = self.choices(values)
+        return {name: _parameter(name) for name in values if name not in choices}
+
+    def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
+        """Return those of the motion, and of loose joints."""
+        laws = CHOICES_OF_A_JOINT.items()
+        return _CHOICES | {
+            f"joints.{joint}.{of}": known for joint, *_ in self.joints for of, known in laws
+        }
+
+    def left_open(self, machine: Machine) -> list[str]:
+        """Return which numbers and sides the file leaves to defaults."""
+        values, names = machine.values, machine.defaults
+        told = [f"{name} {readable(name, values[name])}" for name in names if name in values]
+        told += [f"{name} 1" for name in names if name not in values]
+        return [f"leaves {len(told)} numbers to defaults: {', '.join(told)}."] if told else []
+
+    def about(self, machine: Machine) -> dict[str, str]:
+        """Return its masses and its foundation, and what is left to defaults."""
+        masses = {name: machine.values[name] for name in (f"bodies.{n}.mass" for n in self.bodies)}
+        given = {n: v for n, v in machine.given.items() if n.startswith("foundation.")}
+        return {
+            "masses": all_said(masses, machine.units),
+            "foundation": all_said(given, machine.units) or "clamped",
+            "assumed": ", ".join(machine.defaults) or "nothing",
+        }
+
+    @property
+    def record(self) -> dict[str, str]:
+        """Return the drawing in words."""
+        return {"drawing": repr(self)}
 
     def _of_bodies_and_springs(self) -> list[str]:
         """Return the names of the numbers that each body and each spring has."""
@@ -267,14 +304,6 @@ class Drawing:
     def bearing(self) -> str:
         """Return the joint of crank and frame."""
         return next(n for n, *both in self.joints if {self.crank, FRAME} == set(both))
-
-
-class Drawn(NamedTuple):
-    """A drawing, its numbers and choices by name, and the names of those that are defaults."""
-
-    drawing: Drawing
-    values: dict[str, Any]
-    defaults: tuple[str, ...]
 
 
 def _parameter(name: str) -> Parameter:
@@ -463,8 +492,8 @@ def drawn(
     entries: Iterable[tuple[str, Any]],
     number: Callable[[str, Any], float],
     folder: Path = Path(),
-) -> Drawn:
-    """Return the drawing of a description, with its numbers and choices by name.
+) -> Machine:
+    """Return the machine of a description.
 
     Raises ValueError of one line for a key that is unknown or missing, a body that there is not,
     bodies that are no dyads, and links that do not close at some angle of the crank.
@@ -520,9 +549,9 @@ def drawn(
         _sides(reading, dyads),
     )
     reading.ended()
-    values = drawing.whole(reading.values)
-    require_closing(drawing(**values))
-    return Drawn(drawing, values, tuple(reading.defaults))
+    values = drawing.complete(reading.values)
+    require_closing(drawing.scene(values))
+    return Machine(drawing, values, defaults=tuple(reading.defaults))
 
 
 def _whole(reading: _Reading) -> None:
@@ -595,7 +624,7 @@ def _levers(linkage: Linkage, angles: Any) -> list[Any]:
     return jax.vmap(one)(angles)
 
 
-def require_closing(scene: LinkageScene) -> None:
+def require_closing(scene: AbstractScene) -> None:
     """Raise ValueError for known numbers by which a dyad is open, or dead, at some degree."""
     linkage = scene.linkage
     if not is_concrete(linkage):
@@ -620,23 +649,29 @@ def _number(name: str, value: Any) -> float:
     return float(value) if key == name else float(value) / 2  # a diameter
 
 
-def linkage(**description: Any) -> LinkageScene:
-    """Return the scene of a linkage: the tables of a file as keywords, numbers in SI units.
+def linkage_machine(**description: Any) -> Machine:
+    """Return a linkage as a machine: the tables of a file as keywords, numbers in SI units.
 
     **Arguments:** as in a file of `kind = "linkage"` (see `jaxcrusher.scenes.linkages`), each table
     a mapping: `crank`, `speed`, `bodies`, `joints`, `slides`, `forces`, `springs`, `points`,
     `assembly`, `foundation`. A number is in SI units, or a text with its unit.
 
-    **Returns:** a `LinkageScene`, for all that takes a scene.
+    **Returns:** a `Machine`, for sweeps, maps, identification and the search.
 
     Raises ValueError of one line as `drawn` does.
     """
-    read = drawn(flattened(description), _number)
-    return read.drawing(**read.values)
+    return drawn(flattened(description), _number)
 
 
-def read_linkage(path: Path | str) -> Drawn:
-    """Return the drawing of a file of `kind = "linkage"`, with its numbers and choices by name.
+def linkage(**description: Any) -> LinkageScene:
+    """Return the scene of a linkage; arguments and errors as of `linkage_machine`."""
+    read = linkage_machine(**description)
+    assert isinstance(read.structure, Drawing)
+    return read.structure.scene(read.given)
+
+
+def read_linkage(path: Path | str) -> Machine:
+    """Return the machine of a file of `kind = "linkage"`.
 
     Raises ValueError of one line, with the file and the key, as `drawn` and `read_scene_file` do.
     """

@@ -6,9 +6,8 @@ that of a radius.
 """
 
 import operator
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ import numpy as np
 from jaxcrusher.basics.checks import concrete
 from jaxcrusher.basics.setup import UnusualNumbers, warn_once
 from jaxcrusher.crusher.loads import AbstractConstantLoad
-from jaxcrusher.files.results import tell
 from jaxcrusher.files.table import digits_apart
 from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.parameters import (
@@ -356,13 +354,6 @@ def warn_of_unusual(values: Mapping[str, Any]) -> None:
         warn_once(text, text, UnusualNumbers)
 
 
-def require_possible(values: Mapping[str, Any], axes: Mapping[str, Sequence[Any]]) -> None:
-    """ValueError as `remarks`, of a description at either end of each axis, one at a time."""
-    for name, axis in axes.items():
-        for end in (axis[0], axis[-1]):
-            remarks({**values, name: end})
-
-
 # The numbers that differ from machine to machine.
 OF_A_MACHINE = (
     *("bore_radius", "shaft.", "jaw.", "toggle.", "bearing.", "chamber.", "rod."),
@@ -378,29 +369,3 @@ def borrowed(given: Mapping[str, Any]) -> list[str]:
     known = set(given) | (set() if has_constant_load(given) else {"load"})
     left = (CHAMBER.keys() | complete(given).keys()) - known
     return [n for n in NUMBERS if n in left and (n == "load" or n.startswith(OF_A_MACHINE))]
-
-
-def tell_borrowed(given: Mapping[str, Any], path: Path | None) -> None:
-    """Print on standard error which numbers of a machine a scene file leaves to the PE250x400."""
-    if path is not None and (names := borrowed(given)):
-        listed = ", ".join(f"{name} {readable(name, NUMBERS[name].default)}" for name in names)
-        tell(f"{path} leaves {len(names)} numbers to the PE250x400: {listed}.")
-    if path is not None and "load_law" not in given:
-        tell(
-            f"{path} has no load_law: the load is the paper's, constant along the jaw. Rock "
-            'presses while the jaw closes: load_law = "closing_stroke".'
-        )
-
-
-def tell_unusual(values: Mapping[str, Any]) -> None:
-    """Print the `remarks` on a machine on standard error; ValueError as they do."""
-    for line in remarks(values):
-        tell(f"unusual: {line}")
-
-
-def tell_defaults(path: Path | None, values: Mapping[str, Any], names: Iterable[str]) -> None:
-    """Print on standard error which numbers and sides of a linkage its file leaves open."""
-    told = [f"{name} {readable(name, values[name])}" for name in names if name in values]
-    told += [f"{name} 1" for name in names if name not in values]
-    if told:
-        tell(f"{path} leaves {len(told)} numbers to defaults: {', '.join(told)}.")

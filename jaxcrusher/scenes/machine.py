@@ -1,0 +1,213 @@
+"""A machine: its structure, its numbers and choices by name, and the scenes that they make."""
+
+import abc
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxcrusher.basics.checks import require, require_known
+from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.scenes.parameters import NUMBERS, Parameter
+
+
+class AbstractStructure(abc.ABC):
+    """What a machine is besides its numbers and choices; structures that are equal share programs.
+
+    A subclass is a frozen dataclass whose fields can be hashed.
+    """
+
+    @abc.abstractmethod
+    def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return numbers and choices with the defaults of those that they leave out.
+
+        Raises ValueError of one line for a name that is unknown, or stands without what it comes
+        with, and for a number that is missing.
+        """
+
+    @abc.abstractmethod
+    def scene(self, values: Mapping[str, Any]) -> AbstractScene:
+        """Return the scene of numbers, which may be traced, and choices.
+
+        A number that only `jax.jit` knows and that lies outside its limits becomes NaN. Raises
+        ValueError of one line as `complete` does, and for what is outside its limits.
+        """
+
+    @abc.abstractmethod
+    def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
+        """Return unit, meaning and limits of the numbers that a machine with these values has."""
+
+    @abc.abstractmethod
+    def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
+        """Return what may be chosen, by name."""
+
+    @property
+    def record(self) -> dict[str, str]:
+        """Return what besides numbers and choices decides a motion, as results keep it."""
+        return {}
+
+    def unusual(self, values: Mapping[str, Any]) -> list[str]:
+        """Return what may be a slip in numbers, a line each; ValueError for what cannot be."""
+        return []
+
+    def borrowed(self, given: Mapping[str, Any]) -> list[str]:
+        """Return which numbers of a machine are taken from another one unless they are given."""
+        return []
+
+    def left_open(self, machine: "Machine") -> list[str]:
+        """Return what a file leaves open, a sentence each, to go on with the file's name."""
+        return []
+
+    def about(self, machine: "Machine") -> dict[str, str]:
+        """Return what a sheet tells of a machine, by its title."""
+        return {}
+
+    def idle(self, values: Mapping[str, Any]) -> set[str]:
+        """Return the names that no motion depends on; a value may be a tuple of several."""
+        return set()
+
+    def beside(
+        self, fixed: Mapping[str, Any], varied: Mapping[str, tuple[Any, ...]]
+    ) -> dict[str, Any]:
+        """Return what every design of a grid has besides what varies, with defaults."""
+        first = {name: values[0] for name, values in varied.items()}
+        return {n: v for n, v in self.complete({**fixed, **first}).items() if n not in varied}
+
+
+@dataclass(frozen=True)
+class OwnFunction(AbstractStructure):
+    """A function of one's own that makes a scene of numbers and choices by name.
+
+    A number that has the name of one of the package's has its unit and its limits.
+    """
+
+    function: Callable[..., AbstractScene]
+
+    @property
+    def name(self) -> str:
+        """Return the name of the function, or of its class."""
+        return getattr(self.function, "__qualname__", type(self.function).__qualname__)
+
+    def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values: the function alone knows what it needs."""
+        return dict(values)
+
+    def scene(self, values: Mapping[str, Any]) -> AbstractScene:
+        """Return what the function makes of the values."""
+        return self.function(**values)
+
+    def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
+        """Return those of the package that have these names."""
+        return {name: NUMBERS[name] for name in values if name in NUMBERS}
+
+    def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
+        """Return none."""
+        return {}
+
+
+def scene_by(structure: AbstractStructure, values: Mapping[str, Any]) -> AbstractScene:
+    """Return the scene of numbers, which may be traced, and choices, a curve as a tuple."""
+    described = {n: np.array(one) if isinstance(one, tuple) else one for n, one in values.items()}
+    return structure.scene(described)
+
+
+@dataclass(frozen=True)
+class Family:
+    """The scenes of a machine over some of its numbers: a function that equals its copies."""
+
+    structure: AbstractStructure
+    names: tuple[str, ...]
+    fixed: tuple[tuple[str, Any], ...]  # a curve as a tuple of points
+
+    def __call__(self, values: Float[Array, "..."]) -> AbstractScene:
+        """Return the scene of these numbers, in the order of the names; of one, a scalar too."""
+        numbers = dict(zip(self.names, jnp.reshape(values, -1), strict=True))
+        return scene_by(self.structure, {**dict(self.fixed), **numbers})
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """A structure with its numbers and choices: what a file describes, and what is computed with.
+
+    `machine.scene()` is its scene, `machine.scene(speed=300.0)` that of other numbers, which may be
+    traced, and `machine.replace(start="contact")` another machine. `given` are the numbers (SI
+    units) and choices that were given; `units` has the units that they were written in, by name,
+    and `defaults` names of those that a file left open.
+    """
+
+    structure: AbstractStructure
+    given: Mapping[str, Any] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+    defaults: tuple[str, ...] = ()
+
+    @cached_property
+    def values(self) -> dict[str, Any]:
+        """Return all numbers and choices, with the defaults of those that were not given."""
+        return self.structure.complete(self.given)
+
+    @property
+    def numbers(self) -> Mapping[str, Parameter]:
+        """Return unit, meaning and limits of its numbers, by name."""
+        return self.structure.numbers(self.values)
+
+    def scene(self, **values: Any) -> AbstractScene:
+        """Return the scene of these numbers and choices, and of the machine's own for the others.
+
+        Raises ValueError of one line for an unknown name and for what is outside its limits.
+        """
+        return self.structure.scene({**self.given, **values})
+
+    def unusual(self) -> list[str]:
+        """Return what may be a slip in its numbers, a line each; ValueError for what cannot be."""
+        return self.structure.unusual(self.values)
+
+    def over(self, *names: str) -> Family:
+        """Return its scenes as a function of some numbers, whatever values these have in it.
+
+        Raises ValueError for a name that it does not have.
+        """
+        fixed = {}
+        for name, value in self.values.items():
+            if not isinstance(value, str):
+                curve = np.ndim(value) > 0
+                value = tuple(map(tuple, np.asarray(value).tolist())) if curve else float(value)
+            fixed[name] = value
+        if not isinstance(self.structure, OwnFunction):
+            for name in names:
+                require_known(name, self.numbers)
+        left = tuple(one for one in fixed.items() if one[0] not in names)
+        return Family(self.structure, names, left)
+
+    def number(self, name: str) -> float:
+        """Return the value of a number; ValueError for a name that has none."""
+        numbers = {key: one for key, one in self.values.items() if np.ndim(one) == 0}
+        numbers = {key: one for key, one in numbers.items() if not isinstance(one, str)}
+        require(len(numbers) > 0, name, "have a value, as {name: value}", "a name alone")
+        require_known(name, numbers)
+        return float(numbers[name])
+
+    def replace(self, **values: Any) -> "Machine":
+        """Return the machine with other numbers and choices; ValueError as `complete` does."""
+        left = tuple(name for name in self.defaults if name not in values)
+        made = Machine(self.structure, {**self.given, **values}, self.units, left)
+        assert made.values is not None  # asked for now, so that errors come here
+        return made
+
+
+def machine_of(machine: Machine | Callable[..., AbstractScene]) -> Machine:
+    """Return a machine, or the one whose scenes a plain function makes of numbers by name.
+
+    Raises ValueError for anything else.
+    """
+    if isinstance(machine, Machine):
+        return machine
+    must = (
+        "be a machine, such as jaxcrusher.paper_machine() makes it, or a function that makes a "
+        "scene of numbers by name"
+    )
+    require(callable(machine), "machine", must, f"a {type(machine).__name__}")
+    return Machine(OwnFunction(machine))
