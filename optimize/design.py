@@ -1,6 +1,6 @@
 """A design: named parameters with bounds, the unit box the search works on, and its scenes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -12,47 +12,46 @@ from jaxtyping import Array, ArrayLike, Float
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import concrete, require, require_known
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.scenes.own_laws import check_described
-from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, check_number
+from jaxcrusher.scenes.parameters import check_number
 from optimize.completions import CounterweightMoment, EqualStroke
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """The free parameters of a crusher, or of any linkage, with their bounds, and fixed ones.
+    """The free parameters of a machine with their bounds.
 
     **Arguments:**
 
-    - `bounds`: names of `jaxcrusher.PARAMETERS`, or both of `CounterweightMoment.inputs`, with
-      their lowest and highest value in SI units. Of a linkage, names of its drawing's numbers.
-    - `fixed`: the other numbers and choices of the description; what is missing is the paper's.
+    - `bounds`: names of the machine's numbers, or both of `CounterweightMoment.inputs`, with their
+      lowest and highest value in SI units.
+    - `machine`: what is not free of it is fixed.
     - `kept_stroke`: by which the eccentricity follows from the other numbers, if anything.
-    - `make`: what makes a linkage's scene of its numbers and choices; None for a crusher.
 
     Raises ValueError for unknown names, bounds that are not LOW < HIGH inside the parameter's
-    limits, and a name that is both free and fixed, or follows.
+    limits, and a name that is free and follows.
     """
 
     bounds: Mapping[str, tuple[float, float]]
-    fixed: Mapping[str, Any] = field(default_factory=dict)
+    machine: jc.Machine = field(default_factory=jc.paper_machine)
     kept_stroke: EqualStroke | None = None
-    make: Callable[..., AbstractScene] | None = None
 
     def __post_init__(self):
         require(len(self.bounds) > 0, "bounds", "name a parameter", dict(self.bounds))
-        known = tuple(NUMBERS)
-        if self.make is None:
-            check_described(self.fixed)  # a law of one's own makes its numbers known
-            known = (*jc.PARAMETERS, *CounterweightMoment.inputs)
+        known = (*self.machine.numbers, *CounterweightMoment.inputs)
         for name, (low, high) in self.bounds.items():
             require_known(name, known)
             good = bool(np.isfinite([low, high]).all()) and low < high
             require(good, f"bounds of {name}", "be finite, LOW < HIGH", (low, high))
             check_number(name, np.array([low, high]))
-            require(name not in self.fixed, "fixed", "hold no free parameter", name)
             require(name not in self.following, "bounds", "name nothing that follows", name)
         moment = [name for name in CounterweightMoment.inputs if name in self.bounds]
         require(len(moment) != 1, "bounds", "name both parts of the moment", moment)
+
+    @cached_property
+    def fixed(self) -> dict[str, Any]:
+        """Return the numbers and choices that are given, and neither free nor follow."""
+        apart = {*self.bounds, *self.following}
+        return {name: value for name, value in self.machine.given.items() if name not in apart}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -128,8 +127,8 @@ class Design:
 
     def build(self, described: Mapping[str, Any]) -> AbstractScene:
         """The scene of a completed description; raises as `scene` does."""
-        return jc.build_scene(described) if self.make is None else self.make(**described)
+        return self.machine.structure.scene(described)
 
     def whole(self, described: Mapping[str, Any]) -> dict[str, Any]:
-        """The description with what it leaves to the PE250x400; a linkage leaves nothing."""
-        return {**(PE250X400 if self.make is None else {}), **described}
+        """The description with what it leaves to the machine."""
+        return {**self.machine.values, **described}

@@ -2,10 +2,11 @@
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.mechanism.scene import require_clearance
-from jaxcrusher.scenes.described import described
+from jaxcrusher.scenes.described import read_machine
 from optimize.design import Design
 from optimize.options import Options
-from optimize.searched import Searched, sets, written_bounds
+from optimize.searched import Searched, sets, startless, written_bounds
+from optimize.sets import set_bounds
 
 # Options of a crusher: a linkage has its numbers and laws by --set and --design alone.
 _OF_A_CRUSHER = (
@@ -32,19 +33,17 @@ def linkage(options: Options) -> Searched:
         require(value == getattr(Options, name), name, must, value)
     must = "free a number of a linkage, as in --design joints.B.clearance 0.05mm 0.5mm"
     require(len(options.design) > 0, "design", must, "missing")
-    require(not sets(options), "design", "be NAME LOW HIGH: sets are a crusher's", sets(options))
-    found = described(options.scene, options.overrides)
-    # The search tries both starts itself.
-    values = {name: value for name, value in found.values.items() if name != "start"}
-    free = written_bounds(options)
+    found = startless(read_machine(options.scene, options.overrides))
+    values, scene, free = found.values, found.scene(), {}
+    for word in sets(options):
+        free |= set_bounds(word, found)
+    free |= written_bounds(options)
     for name, (_, high) in free.items():
-        require(name in values, "design", "name numbers that the scene file gives", name)
+        require(name in found.numbers, "design", "name numbers that the scene file gives", name)
         joint, _, key = name.rpartition(".")
         if key == "clearance":
             require_clearance(high, values[f"{joint}.bore_radius"], f"{joint}.")
-    require(not found.scene.is_ideal, "scene", "have a joint with clearance", "ideal joints")
-    fixed = {name: value for name, value in values.items() if name not in free}
-    design = Design(free, fixed, make=found.make)
-    reference = {name: float(values[name]) for name in free}
-    title = "scene file's choice"
-    return Searched(values, design, found.scene, None, 0.0, reference, title, found.defaults)
+    require(not scene.is_ideal, "scene", "have a joint with clearance", "ideal joints")
+    design = Design(free, found)
+    reference = {name: float(values.get(name, 0.0)) for name in free}
+    return Searched(found, design, scene, None, 0.0, reference, "scene file's choice")

@@ -3,7 +3,7 @@
 import math
 import textwrap
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -14,15 +14,14 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.crusher.capacity import CAUTION, stroke, stroke_ratio
+from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.files.results import results_folder, write_figure, write_table
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.pictures.plots import STYLE, WIDTH
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.described import kind_of
-from jaxcrusher.scenes.parameters import complete
-from jaxcrusher.scenes.plausibility import borrowed, tell_borrowed, tell_unusual
-from jaxcrusher.scenes.scene_file import read_scene_file, scene_of
+from jaxcrusher.scenes.machine import tell_about
 from optimize.forces import name_of, prefixed, quantity
 from optimize.objectives import OBJECTIVES
 from optimize.table import Table
@@ -45,7 +44,7 @@ QUANTITIES = {
 
 
 @dataclass(frozen=True)
-class Machine:
+class Compared:
     """A crusher's `QUANTITIES`, NaN where there is none."""
 
     name: str
@@ -72,19 +71,16 @@ def run(
     require_whole("turns", turns, 2)
     density = read_bulk_density(bulk_density)
     # All files are read before anything is compiled.
-    described = []
+    machines = []
     for path in files:
         crushes = kind_of(path) == "crusher"
         require(crushes, "scenes", "be files of crushers, which alone are compared", path)
-        given = read_scene_file(path)
-        values = complete(given)
-        described.append((values, scene_of(values, path, given), len(borrowed(given))))
-        tell_unusual(values)
-        tell_borrowed(given, path)
+        machines.append(jc.read_machine(path))
+        tell_about(machines[-1], path)
     found = []
-    for title, (values, scene, left) in zip(titles, described, strict=True):
+    for title, machine in zip(titles, machines, strict=True):
         with console.status(title):
-            found.append(replace(machine(title, values, scene, settle, turns), borrowed=left))
+            found.append(compared(title, machine, settle, turns))
     results_folder(folder)
     write_table(folder / "compare.csv", [csv_row(one) for one in found])
     with plt.rc_context(STYLE):
@@ -94,9 +90,10 @@ def run(
     console.print(f"results in {folder}/", highlight=False)
 
 
-def machine(name: str, values: dict, scene: jc.Scene, settle: int, turns: int) -> Machine:
+def compared(name: str, machine: jc.Machine, settle: int, turns: int) -> Compared:
     """Return the numbers of a crusher on its stable orbit, or over `turns` turns after `settle`."""
-    chamber = build_chamber(values)
+    chamber, scene = build_chamber(machine.values), crusher_of(machine.scene())
+    left = len(machine.structure.borrowed(machine.given))
     rubs = scene.joint is not None and scene.joint.friction is not None
     names = [name for name in COMPARED if name != "wear" or rubs]
     result, motion = None, "periodic orbit"
@@ -127,10 +124,10 @@ def machine(name: str, values: dict, scene: jc.Scene, settle: int, turns: int) -
         by_turn = {name: result.by_turn[OBJECTIVES[name].outputs[0]] for name in PEAKS}
         typical = {name: float(np.median(values)) for name, values in by_turn.items()}
     remarks = result.validity.remarks()
-    return Machine(name, numbers, typical, motion, "; ".join(remarks) or "inside")
+    return Compared(name, numbers, typical, motion, "; ".join(remarks) or "inside", left)
 
 
-def csv_row(one: Machine) -> dict[str, object]:
+def csv_row(one: Compared) -> dict[str, object]:
     """Return the row of a machine, with units in the headings."""
     return {
         "machine": one.name,
@@ -141,7 +138,7 @@ def csv_row(one: Machine) -> dict[str, object]:
     }
 
 
-def table_rows(found: Sequence[Machine], density: float | None) -> list[tuple[str, ...]]:
+def table_rows(found: Sequence[Compared], density: float | None) -> list[tuple[str, ...]]:
     """Return a heading and a cell of each machine, number by number."""
 
     def row(heading: str, unit: str, values: Iterable[float]) -> tuple[str, ...]:
@@ -167,7 +164,7 @@ def table_rows(found: Sequence[Machine], density: float | None) -> list[tuple[st
     return rows
 
 
-def draw(found: Sequence[Machine]) -> Figure:
+def draw(found: Sequence[Compared]) -> Figure:
     """Draw bars of each number that a machine has; one outside the contact model is hatched."""
     fig, grid = plt.subplots(2, 3, figsize=(WIDTH, 5), layout="constrained")
     titles = [one.name for one in found]

@@ -1,5 +1,6 @@
 """The objectives of the search by name: each is a function of a motion's statistics."""
 
+import importlib
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 import jaxcrusher as jc
-from jaxcrusher.basics.checks import nan_unless
+from jaxcrusher.basics.checks import nan_unless, require
 from jaxcrusher.crusher.loads import RoughFeed
 from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.mechanism.reductions import PEAK, PowerMean, Statistic
@@ -44,6 +45,23 @@ def plain(name: str, known: Mapping[str, Statistic] = STATISTIC) -> Objective:
     return Objective(
         statistic.unit, statistic.meaning, (name,), lambda found, *_: found[name], lowest
     )
+
+
+def own_objective(text: str) -> Objective:
+    """Return the objective that `module:NAME` names, of a module that Python finds.
+
+    Raises ValueError for a module that cannot be imported, and for what is no `Objective` there.
+    """
+    module, _, name = text.partition(":")
+    try:
+        found = getattr(importlib.import_module(module), name, None)
+    except Exception as error:  # the module is the user's, and may do anything while it is imported
+        why = str(error) if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
+        raise ValueError(f"Argument `objective` must name a module, but {text}: {why}.") from error
+    good = isinstance(found, Objective)
+    require(good, "objective", "name an optimize.objectives.Objective as module:NAME", text)
+    assert isinstance(found, Objective)
+    return found
 
 
 def _excess(statistics: Statistics | PeriodicOrbit, scene: jc.Scene, _) -> Scalar:
@@ -81,6 +99,7 @@ OF_SUPPORTS = (
     "frame_displacement_peak",
     "frame_velocity_rms",
 )
+# A crusher's objectives by name. One of your own is an `Objective` that `module:NAME` names.
 OBJECTIVES = {
     "rms": plain("foundation_rms"),
     "peak": plain("foundation_peak"),

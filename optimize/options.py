@@ -54,7 +54,8 @@ class Options(Effort):
     wear, energy: sliding work and drive energy per volume crushed (J/m3). Of a frame on supports
     transmitted_rms, transmitted_peak: of what moves of the force that they pass to the ground (N);
     frame_displacement_peak (m) and frame_velocity_rms (m/s). Of a linkage any statistic, such as
-    shaking_rms (without another) or B_force_peak."""
+    shaking_rms (without another) or B_force_peak; so of a crusher too. Or module:NAME, an
+    `optimize.objectives.Objective` of your own."""
     speed: Range = ("25", "40rad/s")
     """Lowest and highest driving speed, the first in the unit of the second."""
     clearance: Range = ("0.03", "0.12mm")

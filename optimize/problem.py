@@ -1,7 +1,7 @@
 """The problem that the options of the search describe: what is free, and what is compared."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +10,12 @@ from jaxcrusher.crusher.capacity import AFFLUENCE
 from jaxcrusher.files.journal import digest_of
 from jaxcrusher.mechanism.scene import require_clearance
 from jaxcrusher.scenes.build import build_chamber
+from jaxcrusher.scenes.crusher import Crusher
 from jaxcrusher.scenes.described import given_by, kind_of
 from jaxcrusher.scenes.echo import units_of, units_of_file
+from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, in_words, readable
-from jaxcrusher.scenes.plausibility import (
-    require_possible,
-    tell_borrowed,
-    tell_defaults,
-    tell_unusual,
-)
 from jaxcrusher.scenes.scene_file import key_of, read_text, scene_of
 from optimize.answer import Box, Sought
 from optimize.case import Case
@@ -28,7 +24,7 @@ from optimize.design import Design
 from optimize.landscape import GRID_DIMENSIONS
 from optimize.limits import read_limits
 from optimize.linkages import linkage
-from optimize.objectives import OBJECTIVES, OF_SUPPORTS, Objective, plain
+from optimize.objectives import OBJECTIVES, OF_SUPPORTS, Objective, own_objective, plain
 from optimize.options import Effort, Options
 from optimize.searched import Bounds, Searched, ranges, sets, written_bounds
 from optimize.sets import SETS, set_bounds
@@ -78,7 +74,7 @@ def resolve(options: Options) -> Problem:
     _require_not_set(options)
     bulk_density = read_bulk_density(options.bulk_density)
     searched = linkage(options) if kind_of(options.scene) == "linkage" else _crusher(options)
-    described, design, chamber = searched.described, searched.design, searched.chamber
+    machine, design, chamber = searched.machine, searched.design, searched.chamber
     scene, free = searched.scene, dict(design.bounds)
     name = options.objective or ("shaking_rms" if chamber is None else "rms")
     case = Case(
@@ -98,15 +94,16 @@ def resolve(options: Options) -> Problem:
             case.capacity_floor,
         )
     speeds = None
+    for name, ends in free.items():
+        for end in ends if name not in CounterweightMoment.inputs else ():
+            machine.replace(**{name: end}).unusual()
     if chamber is not None:
-        require_possible(described, free)
         speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(case.capacity_floor))
     texts = (*options.overrides, *((name, high) for name, _, high in ranges(options)))
     units = units_of_file(options.scene) | units_of(texts)
     kept = {key: value for key, value in asdict(options).items() if key not in KEPT_APART}
-    formula = case.objective.formula
-    own = not formula.__module__.startswith("optimize.")
-    kept["objective"] = f"{name} {digest_of(formula)}" if own else name
+    own = ":" in name
+    kept["objective"] = f"{name} {digest_of(case.objective.formula)}" if own else name
     kept |= {} if design.kept_stroke is None else {"stroke": design.kept_stroke.target}
     limits = {limit.statistic: limit.most for limit in case.limits}
     return Problem(
@@ -116,8 +113,8 @@ def resolve(options: Options) -> Problem:
             **kept,
             "bounds": free,
             "limits": limits,
-            "scene": with_digests(described),
-            **({} if design.make is None else {"drawing": repr(design.make)}),
+            "scene": with_digests(machine.given),
+            **machine.structure.record,
         },
         searched,
         case,
@@ -131,25 +128,23 @@ def resolve(options: Options) -> Problem:
 
 def tell(problem: Problem, path: Path | None) -> None:
     """Print on standard error what is unusual in a machine, and what its file leaves open."""
-    searched = problem.searched
-    if searched.chamber is None:
-        tell_defaults(path, searched.described, searched.defaults)
-        return
-    tell_unusual(searched.described)
-    tell_borrowed({**searched.described, **searched.reference}, path)
+    machine, free = problem.searched.machine, dict(problem.searched.reference)
+    for name in CounterweightMoment.inputs:
+        free.pop(name, None)
+    tell_about(replace(machine, given={**machine.given, **free}), path)
 
 
 def _objective(name: str, searched: Searched) -> Objective:
-    """Return the objective of this name: of a linkage that is no crusher, a statistic as it is."""
+    """Return the objective of this name: a crusher's, a statistic as it is, or one of your own."""
     scene = searched.scene
-    if searched.chamber is None:
-        require_choice("objective", name, tuple(scene.own_statistics))
-        return plain(name, scene.statistics)
-    require_choice("objective", name, tuple(OBJECTIVES))
+    if ":" in name:
+        return own_objective(name)
+    known = {} if searched.chamber is None else OBJECTIVES
     stands = scene.supports is not None or name not in OF_SUPPORTS
     require(stands, "objective", "be another without foundation.mass", name)
-    found = OBJECTIVES[name]
-    if "sliding_power" in found.outputs:
+    require_choice("objective", name, (*known, *scene.own_statistics))
+    found = known[name] if name in known else plain(name, scene.statistics)
+    if searched.chamber is not None and "sliding_power" in found.outputs:
         main = scene.joints["main"]
         rubs = main is not None and main.friction is not None
         rubs |= "friction" in searched.design.bounds  # which may begin at zero
@@ -162,7 +157,8 @@ def _crusher(options: Options) -> Searched:
     described = _description(options)
     free, written = _bounds(options, described), written_bounds(options)
     _require_felt(options, described, {*written})
-    design = _design(options, described, free)
+    machine = Machine(Crusher(), described)
+    design = _design(options, machine, free)
     reference, compared_with = _reference(options, described, free)
     # Sets lie about the machine's own numbers, other ranges anywhere.
     lowest = reference | {name: low for name, (low, _) in written.items()}
@@ -172,7 +168,7 @@ def _crusher(options: Options) -> Searched:
         bore = described.get("bore_radius", PE250X400["bore_radius"])
         require_clearance(free["clearance"][1], bore)
     chamber, floor = build_chamber(described), _floor(options, described, free)
-    return Searched(described, design, scene, chamber, floor, reference, compared_with)
+    return Searched(machine, design, scene, chamber, floor, reference, compared_with)
 
 
 def _check_numbers(options: Options) -> None:
@@ -273,18 +269,15 @@ def _bounds(options: Options, described: dict[str, Any]) -> Bounds:
     """
     found: Bounds = {}
     for word in sets(options):
-        found |= set_bounds(word, {**PE250X400, **described})
+        found |= set_bounds(word, Machine(Crusher(), described))
     idle = _idle(described)
     return {name: one for name, one in found.items() if name not in idle} | written_bounds(options)
 
 
-def _design(options: Options, described: dict[str, Any], free: Bounds) -> Design:
+def _design(options: Options, machine: Machine, free: Bounds) -> Design:
     """Return the design; a set keeps the stroke of the machine that it begins with."""
-    kept = EqualStroke.of(described) if options.design and sets(options) else None
-    following = Design(free, {}, kept).following
-    apart = {*free, *following}
-    fixed = {name: value for name, value in described.items() if name not in apart}
-    return Design(free, fixed, kept)
+    kept = EqualStroke.of(machine.given) if options.design and sets(options) else None
+    return Design(free, machine, kept)
 
 
 def _description(options: Options) -> dict[str, Any]:

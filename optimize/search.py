@@ -115,7 +115,8 @@ def _searched(
         "active": active,
         "free_slopes": free_slopes,
         "load_sheets": stages.load_sheets(
-            problem.searched.described, {"optimum": best, problem.searched.compared_with: reference}
+            problem.searched.machine.given,
+            {"optimum": best, problem.searched.compared_with: reference},
         ),
     }
     yield {"fronts": stages.trade(problem, work, best, maps)}

@@ -1,29 +1,33 @@
 """What is searched: a machine, its free numbers with their bounds, and what to compare with."""
 
-from typing import Any, NamedTuple
+from dataclasses import replace
+from typing import NamedTuple
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.scene_file import key_of, read_range, require_continuous
 from optimize.design import Design
 from optimize.options import Options
-from optimize.sets import SETS
-
-Bounds = dict[str, tuple[float, float]]
+from optimize.sets import SETS, Bounds
 
 
 class Searched(NamedTuple):
     """A machine and the box of its designs, as the options of a search describe them."""
 
-    described: dict[str, Any]  # the numbers and choices that were given
+    machine: Machine  # as it was given, but for its start
     design: Design
     scene: AbstractScene  # of one of the designs
     chamber: CrushingChamber | None  # None of a linkage that is no crusher
     capacity_floor: float  # m3/h
     reference: dict[str, float]  # the free numbers of the design to compare with
     compared_with: str
-    defaults: tuple[str, ...] = ()  # names that the file of a linkage leaves open
+
+
+def startless(machine: Machine) -> Machine:
+    """Return a machine without a start of its own: the search tries both itself."""
+    return replace(machine, given={n: v for n, v in machine.given.items() if n != "start"})
 
 
 def sets(options: Options) -> list[str]:

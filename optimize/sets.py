@@ -1,12 +1,14 @@
 """Sets of free numbers by one word: `--design balance` and `--design machine`."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
+from jaxcrusher.scenes.crusher import Crusher
+from jaxcrusher.scenes.linkages import Drawing
+from jaxcrusher.scenes.machine import Machine
 from optimize.completions import CounterweightMoment
 
+# Name -> lowest and highest value, in SI units.
+Bounds = dict[str, tuple[float, float]]
 LINKS = ("toggle.length", "bearing.distance", "bearing.inclination", "jaw.length")
 # What `machine` frees beside the numbers of `balance`.
 PARTS = (
@@ -36,11 +38,12 @@ COUNTERWEIGHT = {
 DISTANCE, ANGLE = 0.1, float(np.radians(10))
 
 
-def set_bounds(word: str, values: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+def of_crusher(word: str, machine: Machine) -> Bounds:
     """Return the 9 free numbers of `balance` or the 21 of `machine`, with their bounds.
 
-    Bounds lie about the numbers of a whole description, but for those of the counterweight.
+    Bounds lie about the machine's own numbers, but for those of the counterweight.
     """
+    values = machine.values
     angle = values["jaw.mass_centre_angle"]
     found = {**COUNTERWEIGHT, "jaw.mass_centre_angle": (angle - ANGLE, angle + ANGLE)}
     shares = {"jaw.mass_centre_distance": DISTANCE, **dict.fromkeys(LINKS, OF_LINKS)}
@@ -50,3 +53,41 @@ def set_bounds(word: str, values: Mapping[str, Any]) -> dict[str, tuple[float, f
         low, high = sorted((values[name] * (1 - share), values[name] * (1 + share)))
         found[name] = low, high
     return found
+
+
+def of_linkage(word: str, machine: Machine) -> Bounds:
+    """Return mass centres as `balance`; `machine` has masses, inertias and bearings as well.
+
+    Joints stay where they are on their bodies, and so the motion stays. The mass centre of a body
+    may move by a tenth of how far its joints reach from its origin, that of the crank, which bears
+    counterweights, by all of that.
+    """
+    drawing, values, found = machine.structure, machine.values, Bounds()
+    assert isinstance(drawing, Drawing)
+    for body in drawing.bodies:
+        ends = [f"joints.{name}.bore" for name, bore, _ in drawing.joints if bore == body]
+        ends += [f"joints.{name}.pin" for name, _, pin in drawing.joints if pin == body]
+        reach = max(np.hypot(*(values.get(f"{end}.{x}", 0.0) for x in "xy")) for end in ends)
+        room = float(reach) * (1.0 if body == drawing.crank else OF_PARTS)
+        for axis in "xy" if room else "":
+            name = f"bodies.{body}.mass_centre.{axis}"
+            at = values.get(name, 0.0)
+            found[name] = at - room, at + room
+    shares = [f"bodies.{body}.{of}" for body in drawing.bodies for of in ("mass", "inertia")]
+    for joint, *_ in drawing.joints:
+        shares += [f"joints.{joint}.{of}" for of in ("bore_radius", "young", "restitution")]
+    for name in shares if word == "machine" else ():
+        if name in values:
+            most = 1.0 if name.endswith("restitution") else np.inf
+            low, high = values[name] * (1 - OF_PARTS), values[name] * (1 + OF_PARTS)
+            found[name] = low, min(high, most)
+    return found
+
+
+# Kind of machine -> its sets.
+SETS_OF = {Crusher: of_crusher, Drawing: of_linkage}
+
+
+def set_bounds(word: str, machine: Machine) -> Bounds:
+    """Return the free numbers of a set, with their bounds in SI units."""
+    return SETS_OF[type(machine.structure)](word, machine)

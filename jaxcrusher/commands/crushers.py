@@ -13,11 +13,11 @@ import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.commands.options import Crusher, Ranges
 from jaxcrusher.crusher.scene import crusher_of
-from jaxcrusher.files.results import tell, write_mat, write_netcdf, write_text
+from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.scenes.echo import all_said
-from jaxcrusher.scenes.machine import Machine
+from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.own_laws import is_own, with_digests
 from jaxcrusher.scenes.parameters import CHOICES
 from jaxcrusher.scenes.scene_file import key_of, naming, read_range, require_moving
@@ -37,17 +37,6 @@ def read_machine(crusher: Crusher) -> Machine:
     with naming(crusher.scene, found.given):
         tell_about(found, crusher.scene)
     return found
-
-
-def tell_about(machine: Machine, path: Path | None) -> None:
-    """Print on standard error what is unusual in a machine, and what its file leaves open.
-
-    Raises ValueError for numbers that cannot be.
-    """
-    for line in machine.unusual():
-        tell(f"unusual: {line}")
-    for line in () if path is None else machine.structure.left_open(machine):
-        tell(f"{path} {line}")
 
 
 def read_crusher(crusher: Crusher) -> Machine:

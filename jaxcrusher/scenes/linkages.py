@@ -227,9 +227,9 @@ class Drawing(AbstractStructure):
         return within_limits(values)
 
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
-        """Return those of the names that are numbers."""
-        choices = self.choices(values)
-        return {name: _parameter(name) for name in values if name not in choices}
+        """Return those that it has, given or not."""
+        names = dict.fromkeys((*self._always_known(), *values))
+        return {name: _parameter(name) for name in names if name not in self.choices(values)}
 
     def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
         """Return those of the motion, and of loose joints."""

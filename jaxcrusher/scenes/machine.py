@@ -4,6 +4,7 @@ import abc
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require, require_known
+from jaxcrusher.files.results import tell
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.scenes.parameters import NUMBERS, Parameter
 
@@ -211,3 +213,14 @@ def machine_of(machine: Machine | Callable[..., AbstractScene]) -> Machine:
     )
     require(callable(machine), "machine", must, f"a {type(machine).__name__}")
     return Machine(OwnFunction(machine))
+
+
+def tell_about(machine: Machine, path: Path | None) -> None:
+    """Print on standard error what is unusual in a machine, and what its file leaves open.
+
+    Raises ValueError for numbers that cannot be.
+    """
+    for line in machine.unusual():
+        tell(f"unusual: {line}")
+    for line in () if path is None else machine.structure.left_open(machine):
+        tell(f"{path} {line}")
