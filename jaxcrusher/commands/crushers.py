@@ -22,6 +22,9 @@ from jaxcrusher.scenes.own_laws import is_own, with_digests
 from jaxcrusher.scenes.parameters import CHOICES
 from jaxcrusher.scenes.scene_file import key_of, naming, read_range, require_moving
 
+# What a sentence calls the forces that a machine is judged by: what frame and bearings carry, with
+# weight and crushing load, and what shakes the ground.
+CALLED = {"foundation_rms": "RMS force on the foundation", "shaking_rms": "RMS shaking force"}
 # What is assumed where nobody measured it, and what an impact rests on besides restitution.
 ASSUMED = ("load_edge", "rollers.damping")
 

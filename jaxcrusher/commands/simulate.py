@@ -1,7 +1,7 @@
 """`python -m jaxcrusher simulate`: one crusher's motion, as a file and a picture."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -15,7 +15,7 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.commands.crushers import read_machine, settings_of, write_dataset
+from jaxcrusher.commands.crushers import CALLED, read_machine, settings_of, write_dataset
 from jaxcrusher.commands.options import Simulate
 from jaxcrusher.files import table as table_of
 from jaxcrusher.files.progress import progress
@@ -87,11 +87,8 @@ def run(options: Simulate, console: Console) -> int:
     if failure:
         console.print(f"FAILED: {failure}", style="red")
     else:
-        if "main" in scene.joints.names:
-            console.print(closing(motion, summary, settle, scene.joints.names))
-        else:
-            console.print(closing_of_linkage(motion, summary, settle))
-        if summary is not None and (advice := scattered(summary)):
+        console.print(closing(motion, summary, settle, scene))
+        if summary is not None and (advice := scattered(summary, scene.leading)):
             console.print(advice)
     console.print(listed(folder, written))
     return 1 if failure else 0
@@ -163,9 +160,8 @@ def draw(
     return fig
 
 
-def scattered(summary: Statistics) -> str:
+def scattered(summary: Statistics, leading: str) -> str:
     """Advise what to do about an average that still changes, or return nothing."""
-    leading = "foundation_rms" if "foundation_rms" in summary.values else "shaking_rms"
     error = float(summary.error(leading))
     if bool(summary.whirl) or not math.isfinite(error):
         return ""
@@ -183,58 +179,42 @@ def scattered(summary: Statistics) -> str:
     )
 
 
-def _plus_minus(summary: Statistics, rms: str) -> str:
-    """Return the error of an RMS in two digits; nothing where one turn tells none."""
-    error = float(summary.error(rms))
-    return f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
-
-
-def closing_of_linkage(motion: Trajectory, summary: Statistics | None, settle: int) -> str:
-    """Return what a linkage does on average, its whirl and what is outside the model."""
-    if summary is None:
-        shaking = float(np.sqrt(np.mean(np.sum(motion.shaking_force**2, axis=1))))
-        return f"RMS shaking force {shaking:.5g} N over the samples (no whole turn after settling)"
-    units, scatter = summary.units(), _plus_minus(summary, "shaking_rms")
-    parts = [f"RMS shaking force {float(summary['shaking_rms']):.5g}{scatter} N"]
-    for name in summary.values:
-        if name != "shaking_rms":
-            unit = "" if units[name] == "1" else f" {units[name]}"
-            parts.append(f"{name.replace('_', ' ')} {float(summary[name]):.4g}{unit}")
-    parts.append("FRICTION WHIRL" if bool(summary.whirl) else "no whirl")
-    parts.append(summary.validity.verdict())
-    return f"{', '.join(parts)} (turns {settle + 1} to {settle + summary.turns})"
-
-
 def closing(
-    motion: Trajectory, summary: Statistics | None, settle: int, loose: Sequence[str]
+    motion: Trajectory, summary: Statistics | None, settle: int, scene: AbstractScene
 ) -> str:
-    """RMS of both forces, peak, contact, whirl and what is outside the model, on one line."""
+    """RMS of the leading force and of what shakes, peak, contact, whirl and model, on one line."""
+    names = tuple(dict.fromkeys((scene.leading, "shaking_rms")))
 
     def contact(share: Callable[[str], Any]) -> list[str]:
         """Say the share of time in contact of each loose joint; `share` is by its prefix."""
-        of = {"" if joint == "main" else f"{joint} ": before(joint) for joint in loose}
-        return [f"{joint}contact share {float(share(at)):.3f}" for joint, at in of.items()]
+        prefixes = [before(joint) for joint in scene.joints.names]
+        titles = [prefix.replace("_", " ") for prefix in prefixes]
+        pairs = zip(titles, prefixes, strict=True)
+        return [f"{title}contact share {float(share(of)):.3f}" for title, of in pairs]
 
     if summary is None:
-        rms = float(np.sqrt(np.mean(motion.foundation_force**2)))
-        shaking = float(np.sqrt(np.mean(np.sum(motion.shaking_force**2, axis=1))))
-        seen = contact(lambda at: np.mean(motion[f"{at}penetration_ratio"] > 0))
-        parts = [f"RMS force on the foundation {rms:.0f} N", f"RMS shaking force {shaking:.0f} N"]
+        parts = []
+        for name, force in zip(names, (leading_force(scene), "shaking_force"), strict=False):
+            squares = np.asarray(motion[force]) ** 2
+            rms = np.sqrt(np.mean(squares.sum(axis=1) if squares.ndim > 1 else squares))
+            parts.append(f"{CALLED[name]} {rms:.5g} N")
+        parts += contact(lambda of: np.mean(motion[f"{of}penetration_ratio"] > 0))
         return (
-            f"{', '.join([*parts, *seen])}, over the samples (no whole turn after settling: no "
-            "verdict on whirl and contact model)"
+            f"{', '.join(parts)}, over the samples (no whole turn after settling: no verdict on "
+            "whirl and contact model)"
         )
-    scatter = _plus_minus(summary, "foundation_rms")
-    peak, peaks = float(summary.foundation_peak), summary.by_turn["foundation_peak"]
-    # Impacts hit harder in some turns than in others.
-    median = f" (median of the turns' peaks {np.median(peaks):.0f} N)" if summary.turns > 1 else ""
-    parts = [
-        f"RMS force on the foundation {float(summary.foundation_rms):.0f}{scatter} N",
-        f"peak {peak:.0f} N{median}",
-        f"RMS shaking force {float(summary.shaking_rms):.0f} N",
-    ]
-    if loose:
-        parts += contact(lambda at: summary[f"{at}contact_fraction"])
+    error = float(summary.error(scene.leading))
+    # One turn tells none.
+    scatter = f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
+    parts = [f"{CALLED[scene.leading]} {float(summary[scene.leading]):.5g}{scatter} N"]
+    if (peak := scene.leading.replace("_rms", "_peak")) in summary.values:
+        # Impacts hit harder in some turns than in others.
+        median = f"{np.median(summary.by_turn[peak]):.5g} N"
+        several = f" (median of the turns' peaks {median})" if summary.turns > 1 else ""
+        parts.append(f"peak {float(summary[peak]):.5g} N{several}")
+    parts += [f"{CALLED[name]} {float(summary[name]):.5g} N" for name in names[1:]]
+    if not scene.is_ideal:
+        parts += contact(lambda of: summary[f"{of}contact_fraction"])
         parts.append("FRICTION WHIRL" if bool(summary.whirl) else "no whirl")
         parts.append(summary.validity.verdict())
     return f"{', '.join(parts)} (turns {settle + 1} to {settle + summary.turns})"

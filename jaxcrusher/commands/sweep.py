@@ -12,7 +12,7 @@ from rich.console import Console
 
 from jaxcrusher.basics.checks import renamed, require
 from jaxcrusher.batch.sweep import sweep
-from jaxcrusher.commands.crushers import bounds, read_axes, read_machine, write_dataset
+from jaxcrusher.commands.crushers import CALLED, bounds, read_axes, read_machine, write_dataset
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_figure
@@ -104,5 +104,4 @@ def closing(grid: xr.Dataset, leading: str, units: dict[str, str]) -> str:
         return counts
     best = good.isel(good.argmin(...))  # pyright: ignore
     design = all_said({str(name): best.coords[name].item() for name in grid.sizes}, units)
-    what = {"foundation_rms": "RMS force on the foundation"}.get(leading, "RMS shaking force")
-    return f"{counts}; least {what} {digits(best.item())} N at {design}"
+    return f"{counts}; least {CALLED[leading]} {digits(best.item())} N at {design}"

@@ -32,7 +32,7 @@ from jaxcrusher.files.resume import begin
 from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
-from jaxcrusher.scenes.described import described
+from jaxcrusher.scenes.described import read_machine
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.parameters import complete
 
@@ -109,7 +109,7 @@ def test_simulate_says_what_the_motion_is(simulated):
         last = motion.foundation_force[200:-1].to_numpy()
         shaking = np.linalg.norm(motion.shaking_force[200:-1].to_numpy(), axis=1)
     found = re.search(
-        r"foundation (\d+) N, peak (\d+) N, RMS shaking force (\d+) N, contact share ([\d.]+), "
+        r"foundation ([\d.]+) N, peak ([\d.]+) N, RMS shaking force ([\d.]+) N, contact share ([\d.]+), "
         r"no whirl, inside the contact model \(turns 2 to 2\)",
         text,
     )
@@ -135,8 +135,8 @@ def test_a_span_without_a_whole_turn_tells_the_contact_of_each_loose_joint(loose
     values = {name: jnp.array(of) for name, of in depths.items()}
     values |= {"foundation_force": jnp.full(4, 5e3), "shaking_force": jnp.full((4, 2), 1e3)}
     motion = Trajectory(jnp.arange(4.0), fine(), values)
-    line = simulate.closing(motion, None, 0, jc.build_scene(loose).joints.names)
-    known = "RMS force on the foundation 5000 N, RMS shaking force 1414 N"
+    line = simulate.closing(motion, None, 0, jc.build_scene(loose))
+    known = "RMS force on the foundation 5000 N, RMS shaking force 1414.2 N"
     assert line.startswith(f"{known}{told}, over the samples")
 
 
@@ -160,12 +160,15 @@ def test_an_average_that_scatters_says_what_to_do():
         found.whirl, found.settled, found.error = whirl, settled, lambda name: error
         return found
 
-    assert simulate.scattered(summary(5100.0)).startswith("The average still scatters by 14%: ")
-    assert "python -m jaxcrusher orbit" in simulate.scattered(summary(5100.0))
+    assert simulate.scattered(summary(5100.0), "foundation_rms").startswith(
+        "The average still scatters by 14%: "
+    )
+    assert "python -m jaxcrusher orbit" in simulate.scattered(summary(5100.0), "foundation_rms")
     # Nothing of what is known, of a turn that tells no scatter, and of a whirl, which has no orbit.
-    assert simulate.scattered(summary(30.0, settled=False)).startswith("The motion has not settled")
+    unsettled = simulate.scattered(summary(30.0, settled=False), "foundation_rms")
+    assert unsettled.startswith("The motion has not settled")
     quiet = (summary(30.0), summary(np.inf, settled=False), summary(5100.0, whirl=True))
-    assert [simulate.scattered(one) for one in quiet] == ["", "", ""]
+    assert [simulate.scattered(one, "foundation_rms") for one in quiet] == ["", "", ""]
 
 
 def test_failed_run_is_kept_and_named(simulated):
@@ -726,7 +729,7 @@ def test_orbit_solves_for_the_periodic_orbit(tmp_path):
 def test_slopes_of_an_orbit_are_shown_where_a_force_feels_them(tmp_path):
     # Numbers that a scene file leaves out are marked.
     crusher = Crusher(scene_file(tmp_path), (("load", "9 kN"),))
-    marked = orbit.borrowed_by(crusher, described(crusher.scene, crusher.overrides))
+    marked = orbit.borrowed_by(crusher, read_machine(crusher.scene, crusher.overrides))
     assert "jaw.mass" in marked and not {"load", "toggle.mass", "speed"} & set(marked)
     found = {"foundation_rms": 1e4}
     values = {name: value for name, value in jc.PE250X400.items() if name in jc.PARAMETERS}
