@@ -16,7 +16,14 @@ from jaxcrusher.files.journal import text_of
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.scenes.machine import AbstractStructure, Machine, OwnFunction, scene_by
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS, PARAMETERS, WHOLE, check_number
+from jaxcrusher.scenes.parameters import (
+    CHOICES,
+    FILES,
+    PARAMETERS,
+    WHOLE,
+    Parameter,
+    check_number,
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,11 @@ class Grid:
     def described(self) -> dict[str, Any]:
         """Return the values of every name: a tuple where it varies."""
         return self.base | self.axes
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Return unit and meaning of its numbers, as far as they are known."""
+        return self.structure.numbers(self.described)
 
     @property
     def numbers_described(self) -> list[str]:
@@ -100,10 +112,12 @@ class Grid:
 
     def coordinates(self) -> dict[str, tuple[np.ndarray, dict[str, Any]]]:
         """Return the values along each axis, and their labels."""
+        known = self.parameters
+        labels = {n: {"long_name": of.meaning, "units": of.unit} for n, of in known.items()}
         return {
             name: (np.array(values, object), {})
             if self.chooses(name)
-            else (np.array(values, float), _labels(name))
+            else (np.array(values, float), labels.get(name, {}))
             for name, values in self.axes.items()
         }
 
@@ -120,8 +134,9 @@ class Grid:
 
     def attributes(self) -> dict[str, Any]:
         """Return what does not vary, for the reader of a dataset."""
+        known = self.parameters
         numbers = {
-            name: [value, NUMBERS[name].unit if name in NUMBERS else None]  # one's own: not known
+            name: [value, known[name].unit if name in known else None]  # one's own: not known
             for name, value in self.base.items()
             if not self.chooses(name)
         }
@@ -136,11 +151,6 @@ class Grid:
             digest.update(text_of(tree).encode())
             digest.update(b"".join(np.asarray(leaf).tobytes() for leaf in leaves))
         return digest.hexdigest()[:16]
-
-
-def _labels(name: str) -> dict[str, Any]:
-    of = NUMBERS.get(name)
-    return {} if of is None else {"long_name": of.meaning, "units": of.unit}
 
 
 def make_grid(machine: Machine, axes: Mapping[str, Any]) -> Grid:

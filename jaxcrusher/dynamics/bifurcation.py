@@ -98,7 +98,7 @@ def bifurcation(
             state = found.state if rows[i]["success"] else None
             if progress is not None:
                 progress(done, count)
-    of = machine.numbers.get(name)
+    of = machine.replace(**{name: numbers[0]}).numbers.get(name)
     unit = units or ("1" if of is None else of.unit)
     return _dataset(numbers, rows, name, unit, direction, settle_turns)
 
