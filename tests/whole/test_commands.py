@@ -32,7 +32,7 @@ from jaxcrusher.files.resume import begin
 from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
-from jaxcrusher.scenes.described import described
+from jaxcrusher.scenes.described import read_machine
 from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.parameters import complete
 
@@ -250,7 +250,8 @@ def test_a_sweep_presses_the_rock_of_its_scene_file(tmp_path):
         kept = json.loads(grid.attrs["parameters"])
         found = float(grid.foundation_rms[1])
     assert kept["chamber.discharge"] == [0.06, "m"] and "motor_power" not in kept
-    right = jc.sweep({"speed": [30.0]}, 0, 1, base=scene | {"foundation.mass": 6000.0})
+    machine = jc.paper_machine(**scene, **{"foundation.mass": 6000.0})
+    right = jc.sweep(machine, {"speed": [30.0]}, 0, 1)
     # The paper's chamber is 40 % off.
     assert found == pytest.approx(float(right.foundation_rms[0]), rel=1e-6)
 
@@ -726,7 +727,7 @@ def test_orbit_solves_for_the_periodic_orbit(tmp_path):
 def test_slopes_of_an_orbit_are_shown_where_a_force_feels_them(tmp_path):
     # Numbers that a scene file leaves out are marked.
     crusher = Crusher(scene_file(tmp_path), (("load", "9 kN"),))
-    marked = orbit.borrowed_by(crusher, described(crusher.scene, crusher.overrides))
+    marked = orbit.borrowed_by(crusher, read_machine(crusher.scene, crusher.overrides))
     assert "jaw.mass" in marked and not {"load", "toggle.mass", "speed"} & set(marked)
     found = {"foundation_rms": 1e4}
     values = {name: value for name, value in jc.PE250X400.items() if name in jc.PARAMETERS}
