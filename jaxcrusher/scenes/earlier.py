@@ -36,11 +36,11 @@ def axes_first(verb: Verb) -> Verb:
         base = {} if base is None else base
         good, given = isinstance(base, Mapping), f"a {type(base).__name__}"
         require(good, "base", 'map names to values, as {"start": "contact"}', given)
+        machine = paper_machine() if scene is None else machine_of(scene)
         made = "jaxcrusher.paper_machine({})" if scene is None else "scene"
         if scene is not None and base:
             made = "functools.partial(scene, {})"
         _say(verb, f"{made.format('**base' if base else '')}, axes")
-        machine = paper_machine() if scene is None else machine_of(scene)
         return verb(machine.replace(**base), *args, **settings)
 
     return cast(Verb, called)
@@ -60,13 +60,17 @@ def of_description(verb: Verb) -> Verb:
 
 
 def orbit_first(verb: Verb) -> Verb:
-    """Let an orbit stand before its machine."""
+    """Let an orbit stand before its machine, which may be a description of a crusher."""
 
     @functools.wraps(verb)
     def called(machine: Any, orbit: Any, *args: Any, **settings: Any) -> Any:
-        if isinstance(orbit, Machine | Mapping) or callable(orbit):
+        turned = isinstance(orbit, Machine | Mapping) or callable(orbit)
+        machine, orbit = (orbit, machine) if turned else (machine, orbit)
+        if isinstance(machine, Mapping):
+            _say(verb, "jaxcrusher.paper_machine(**machine), orbit")
+            machine = paper_machine(**machine)
+        elif turned:
             _say(verb, "machine, orbit")
-            machine, orbit = orbit, machine
         return verb(machine, orbit, *args, **settings)
 
     return cast(Verb, called)
