@@ -33,7 +33,11 @@ class Crusher(AbstractStructure):
     """A single-toggle jaw crusher: what is not given of it is the paper's."""
 
     def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values with the paper's in the place of missing ones; raises as `complete`."""
+        """Return the values with the paper's in the place of missing ones.
+
+        Raises ValueError as `check_described` and `complete` do.
+        """
+        check_described(values)
         return complete(values)
 
     def scene(self, values: Mapping[str, Any]) -> Scene:
@@ -124,5 +128,4 @@ def paper_machine(**values: Value | Path) -> Machine:
     ValueError in one line as `build_scene` does.
     """
     described = {name: str(one) if isinstance(one, Path) else one for name, one in values.items()}
-    check_described(described)
-    return Machine(Crusher(), described)
+    return Machine(Crusher()).replace(**described)

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
@@ -101,9 +100,7 @@ def of_axes(axes=AXES, **old):
 
 
 BEGUN = Watch(bifurcation, "initial_state", lambda scene: scene)
-FOLLOWED = Watch(
-    orbit_branch, "follow", lambda problem, _, at, **__: problem.family(jnp.asarray(at))
-)
+TRACED = Watch(orbit_branch, "traced", lambda over, at: over(at))
 FORMS = {
     "sweep": of_axes(base=BASE),
     "sweep of the paper's crusher": of_axes({"joint": ["ideal"]}),
@@ -138,9 +135,8 @@ FORMS = {
         "orbit_branch",
         lambda: (worn,),
         (30.0, (29.0, 31.0)),
-        {"nodes": 48},
         names={"machine": lambda value: worn(value)},
-        watch=FOLLOWED,
+        watch=TRACED,
     ),
     "curve": Form(
         "bifurcation_curve",

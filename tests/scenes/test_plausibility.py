@@ -12,9 +12,10 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics import setup
 from jaxcrusher.basics.setup import UnusualNumbers
+from jaxcrusher.commands import options
 from jaxcrusher.commands.crushers import read_crusher
-from jaxcrusher.commands.options import Crusher
-from jaxcrusher.scenes.machine import tell_about
+from jaxcrusher.scenes.crusher import Crusher
+from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, PE250X400, openers, readable
 from jaxcrusher.scenes.plausibility import RATIOS, remarks
 
@@ -127,14 +128,13 @@ def test_what_cannot_be_is_refused(values, name):
 
 def test_a_command_tells_what_an_example_on_rollers_leaves(capsys):
     path = Path(__file__).parents[2] / "examples" / "pe900x1200.toml"
-    values = read_crusher(Crusher(scene=path)).values
+    values = read_crusher(options.Crusher(scene=path)).values
     assert values["contact_law"] == "rollers"
     assert "pe900x1200.toml leaves 2 numbers to the PE250x400" in capsys.readouterr().err
 
 
 def left_open(values):
-    machine = jc.paper_machine(**values)
-    return machine.structure.left_open(machine)
+    return Crusher().left_open(Machine(Crusher(), values))
 
 
 def test_numbers_that_a_scene_file_leaves_to_the_paper_are_told(capsys):
