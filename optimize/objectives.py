@@ -53,6 +53,7 @@ def own_objective(text: str) -> Objective:
     Raises ValueError for a module that cannot be imported, and for what is no `Objective` there.
     """
     module, _, name = text.partition(":")
+    importlib.invalidate_caches()  # it may have been written a moment ago
     try:
         found = getattr(importlib.import_module(module), name, None)
     except Exception as error:  # the module is the user's, and may do anything while it is imported

@@ -94,9 +94,9 @@ def resolve(options: Options) -> Problem:
             case.capacity_floor,
         )
     speeds = None
-    for name, ends in free.items():
-        for end in ends if name not in CounterweightMoment.inputs else ():
-            machine.replace(**{name: end}).unusual()
+    for number, ends in free.items():
+        for end in ends if number not in CounterweightMoment.inputs else ():
+            machine.replace(**{number: end}).unusual()
     if chamber is not None:
         speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(case.capacity_floor))
     texts = (*options.overrides, *((name, high) for name, _, high in ranges(options)))
@@ -142,7 +142,8 @@ def _objective(name: str, searched: Searched) -> Objective:
     known = {} if searched.chamber is None else OBJECTIVES
     stands = scene.supports is not None or name not in OF_SUPPORTS
     require(stands, "objective", "be another without foundation.mass", name)
-    require_choice("objective", name, (*known, *scene.own_statistics))
+    if name not in scene.own_statistics:
+        require_choice("objective", name, tuple(known or scene.own_statistics))
     found = known[name] if name in known else plain(name, scene.statistics)
     if searched.chamber is not None and "sliding_power" in found.outputs:
         main = scene.joints["main"]

@@ -136,7 +136,8 @@ def gradient_report(
     for an ideal joint, and for a radius, turns, pairs, a seed or a tolerance out of range.
     """
     machine = machine_of(machine)
-    good = not isinstance(parameters, str) and len(parameters) > 0
+    several = isinstance(parameters, Mapping | Sequence) and not isinstance(parameters, str)
+    good = several and len(parameters) > 0
     require(good, "parameters", 'name at least one number, as {"speed": 30.0}', repr(parameters))
     if not isinstance(parameters, Mapping):
         parameters = {name: machine.number(name) for name in parameters}

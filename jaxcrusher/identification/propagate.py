@@ -19,7 +19,7 @@ from jaxcrusher.identification.model import (
 from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.scenes.earlier import of_description, orbit_first
+from jaxcrusher.scenes.earlier import orbit_first
 from jaxcrusher.scenes.machine import Machine, machine_of
 
 # What changes a standard deviation by more than this share counts: 500 draws have such an error.
@@ -30,7 +30,6 @@ TINY = np.finfo(float).tiny
 
 
 @orbit_first
-@of_description
 def propagate(
     machine: Machine | Callable[..., AbstractScene],
     orbit: PeriodicOrbit,

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from optimize import stages
+from optimize import orbits, stages
 from optimize.options import Options
 from optimize.problem import resolve
 from optimize.search import run
@@ -22,12 +23,15 @@ PUMP = Options(
 )
 
 
-def shaking(speed: float) -> float:
-    """RMS of |sum of m a| of the ideal pump, by Fourier series of where its mass centres are, N."""
+def shaking(speed: float, centre: float = 0.025) -> float:
+    """RMS of |sum of m a| of the ideal pump, by Fourier series of where its mass centres are, N.
+
+    `centre` is how far that of the crank is from its axis, towards the rod (m).
+    """
     angle = 2 * np.pi * np.arange(4096) / 4096
     crank, rod = 0.05 * np.exp(1j * angle), np.sqrt(0.12**2 - (0.05 * np.sin(angle)) ** 2)
     slider = crank.real + rod
-    moment = 0.30 * crank / 2 + 0.21 * (crank + slider) / 2 + 0.14 * slider
+    moment = 0.30 * crank * centre / 0.05 + 0.21 * (crank + slider) / 2 + 0.14 * slider
     orders = np.fft.fftfreq(4096, 1 / 4096)
     force = np.fft.ifft(-((speed * orders) ** 2) * np.fft.fft(moment))
     return float(np.sqrt(np.mean(np.abs(force) ** 2)))
@@ -55,13 +59,18 @@ def test_what_is_free_is_named_by_the_file():
     "given, why",
     [
         ({"design": ()}, "`design` must free a number of a linkage, as in --design joints.B.cle"),
-        ({"design": (("balance",),)}, "`design` must be NAME LOW HIGH: sets are a crusher's"),
+        ({"design": (("balanced",),)}, "`design` must be one of 'balance', 'machine', but is"),
         ({"design": (("jaw.mass", "1", "2kg"),)}, "`design` must name numbers that the scene file"),
         (
             {"design": (("joints.B.clearance", "1", "20mm"),)},
             "`joints.B.clearance` must be smaller",
         ),
         ({"objective": "rms"}, "`objective` must be one of .*shaking_rms"),
+        ({"objective": "nowhere:MINE"}, "`objective` must name a module, but nowhere:MINE: No mod"),
+        (
+            {"objective": "optimize.objectives:plain"},
+            "`objective` must name an optimize.objectives",
+        ),
         ({"capacity_floor": 3.0}, "`capacity_floor` must not be given with a linkage"),
         ({"slip": "surface"}, "`slip` must not be given with a linkage"),
         ({"limit": (("foundation_rms", "1 kN"),)}, "foundation_rms"),
@@ -72,6 +81,56 @@ def test_refusals_are_one_line(given, why):
     with pytest.raises(ValueError, match=why) as refused:
         resolve(replace(PUMP, **given))
     assert "\n" not in str(refused.value)
+
+
+OWN = """
+from optimize.objectives import Objective
+
+SQUARE = Objective(
+    "N2",
+    "square of the shaking force's RMS",
+    ("shaking_rms",),
+    lambda found, scene, chamber: found.shaking_rms**2,
+)
+"""
+
+
+def test_a_set_frees_what_balances_a_linkage():
+    """Mass centres of bodies with two joints; joints stay where they are, and so the motion."""
+    balance = resolve(replace(PUMP, design=(("balance",),)))
+    bounds = balance.case.design.bounds
+    assert [*bounds] == [
+        f"bodies.{body}.mass_centre.{axis}" for body in ("crank", "rod") for axis in "xy"
+    ]
+    # The crank may bear counterweights, the rod moves by a tenth of its length.
+    assert bounds["bodies.crank.mass_centre.x"] == pytest.approx((-0.025, 0.075))
+    assert bounds["bodies.rod.mass_centre.y"] == pytest.approx((-0.012, 0.012))
+    assert balance.searched.reference["bodies.rod.mass_centre.y"] == 0.0
+    machine = resolve(replace(PUMP, design=(("machine",),)))
+    more = {*machine.case.design.names} - {*bounds}
+    assert {"bodies.plunger.mass", "bodies.rod.inertia", "joints.B.restitution"} < more
+    assert machine.case.design.bounds["joints.B.restitution"] == pytest.approx((0.81, 0.99))
+
+
+@pytest.mark.slow
+def test_a_crank_is_balanced_by_an_objective_of_one_s_own(tmp_path, monkeypatch):
+    """Against Fourier series of rigid links; the mass centre of the crank alone moves the force."""
+    (tmp_path / "own_objective.py").write_text(OWN)
+    monkeypatch.syspath_prepend(tmp_path)
+    design = (("balance",), ("speed", "600", "900rpm"))
+    problem = resolve(replace(PUMP, design=design, objective="own_objective:SQUARE"))
+    assert problem.sought.name == "own_objective:SQUARE" and problem.sought.unit == "N2"
+    assert re.fullmatch("own_objective:SQUARE [0-9a-f]{16}", problem.settings["objective"])
+    made, name = problem.case.design, "bodies.crank.mass_centre.x"
+    start = dict(problem.searched.reference) | {"speed": 20 * np.pi}
+    units = np.array([made.unit(start | {name: x}) for x in (0.025, -0.01)])
+    rows = orbits.solve(problem.case, units)
+    assert rows["counts"].all()
+    for at, x in enumerate((0.025, -0.01)):
+        # A quiet pin of 0.05 mm in a throw of 50 mm changes the force by less than a thousandth.
+        assert rows["objective"][at] == pytest.approx(shaking(20 * np.pi, x) ** 2, rel=4e-3)
+        slope = (shaking(20 * np.pi, x + 1e-6) ** 2 - shaking(20 * np.pi, x - 1e-6) ** 2) / 2e-6
+        assert rows["slope"][at, made.names.index(name)] == pytest.approx(slope, rel=1e-2)
 
 
 @pytest.mark.slow

@@ -82,7 +82,11 @@ def test_every_module_is_documented(documented):
     ],
 )
 @pytest.mark.usefixtures("unchecked")
-def test_blocks_of_a_page_run(page, capsys):
+def test_blocks_of_a_page_run(page, capsys, tmp_path, monkeypatch):
+    """In a folder of their own, where they leave what they write."""
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
     namespace: dict = {"__name__": page}
     blocks = python_blocks(page)
     assert blocks
