@@ -97,7 +97,8 @@ def run(
 def machine(name: str, values: dict, scene: jc.Scene, settle: int, turns: int) -> Machine:
     """Return the numbers of a crusher on its stable orbit, or over `turns` turns after `settle`."""
     chamber = build_chamber(values)
-    rubs = scene.joint is not None and scene.joint.friction is not None
+    main = scene.joints["main"]
+    rubs = main is not None and main.friction is not None
     names = [name for name in COMPARED if name != "wear" or rubs]
     result, motion = None, "periodic orbit"
     if scene.steady() is not scene:
@@ -117,10 +118,10 @@ def machine(name: str, values: dict, scene: jc.Scene, settle: int, turns: int) -
     numbers = dict.fromkeys(QUANTITIES, math.nan)
     numbers["speed"] = float(scene.drive.speed)
     numbers["capacity"] = float(chamber.capacity(scene.drive.speed))
-    numbers["stroke"] = float(stroke(scene.machine))
-    numbers["stroke_ratio"] = float(stroke_ratio(scene.machine))
-    if scene.joint is not None:
-        numbers["clearance"] = float(scene.joint.clearance)
+    numbers["stroke"] = float(stroke(scene.linkage))
+    numbers["stroke_ratio"] = float(stroke_ratio(scene.linkage))
+    if main is not None:
+        numbers["clearance"] = float(main.clearance)
     numbers |= {name: float(OBJECTIVES[name].formula(result, scene, chamber)) for name in names}
     typical = {}
     if isinstance(result, Statistics):

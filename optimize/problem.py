@@ -143,7 +143,7 @@ def _objective(name: str, searched: Searched) -> Objective:
     """Return the objective of this name: of a linkage that is no crusher, a statistic as it is."""
     scene = searched.scene
     if searched.chamber is None:
-        require_choice("objective", name, tuple(scene.own_statistics))
+        require_choice("objective", name, tuple(scene.statistics))
         return plain(name, scene.statistics)
     require_choice("objective", name, tuple(OBJECTIVES))
     stands = scene.supports is not None or name not in OF_SUPPORTS

@@ -11,7 +11,6 @@ import xarray as xr
 
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.commands.options import Crusher, Ranges
-from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
 from jaxcrusher.mechanism.scene import AbstractScene
@@ -42,13 +41,6 @@ def read_machine(crusher: Crusher) -> Described:
         build_chamber(found.values)
         tell_unusual(found.values)
     tell_borrowed(found.given, crusher.scene)
-    return found
-
-
-def read_crusher(crusher: Crusher) -> Described:
-    """Return what is described; ValueError as `read_machine` says, and for another linkage."""
-    found = read_machine(crusher)
-    crusher_of(found.scene)
     return found
 
 

@@ -22,13 +22,11 @@ from jaxcrusher.basics.checks import renamed, require, require_positive, require
 from jaxcrusher.commands.crushers import borrowed_by, read_machine, settings_of, variants_of
 from jaxcrusher.commands.options import Crusher, Foundation
 from jaxcrusher.crusher.capacity import stroke, stroke_ratio
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json, write_table, write_text
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import digits, with_scatter
-from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.supports import Clamped
@@ -185,7 +183,7 @@ def heading(found: Described, crusher: Crusher, turns: Turns | None) -> dict[str
         "joints": joint_states(scene),
         "running": f"{told('speed')}, {running_frequency(scene):.4g} Hz",
     }
-    if isinstance(scene, Scene):
+    if found.make is None:
         constant = ("load",) if has_constant_load(values) else ("load_curve", "load_factor")
         loads = "load_law", *constant, "load_point", "load_edge", "load_scatter"
         masses = "shaft.mass", "jaw.mass", "toggle.mass", "counterweight.mass", "frame_mass"
@@ -202,7 +200,7 @@ def heading(found: Described, crusher: Crusher, turns: Turns | None) -> dict[str
         "foundation": told(*(n for n in parts if n in given and "foundation" in n)) or "clamped",
         "assumed": assumed or "nothing",
     }
-    if isinstance(scene, Scene):
+    if found.make is None:
         head["from the PE250x400"] = ", ".join(borrowed_by(crusher, found)) or "nothing"
     if turns is not None and turns.failure:
         head["loose joints"] = f"the run failed: {turns.failure}"
@@ -221,9 +219,9 @@ def ranges(titles: Sequence[str]) -> str:
     return f"{rests}; {over if titles else 'the scene has no number of either to be varied'}"
 
 
-def _crushing(scene: Scene, values: dict[str, Any]) -> str:
+def _crushing(scene: AbstractScene, values: dict[str, Any]) -> str:
     """Say stroke and capacity of a machine."""
-    travel, ratio = 1e3 * float(stroke(scene.machine)), float(stroke_ratio(scene.machine))
+    travel, ratio = 1e3 * float(stroke(scene.linkage)), float(stroke_ratio(scene.linkage))
     capacity = float(build_chamber(values).capacity(scene.drive.speed))
     told = (
         f"stroke at the discharge {travel:.3g} mm horizontally, {ratio:.2f} times that vertically"
@@ -243,13 +241,10 @@ def _speeds(options: Foundation, speed: float) -> tuple[float, float]:
 def quiet(scene: AbstractScene) -> AbstractScene:
     """Return the machine with ideal joints, and without what closes inside it.
 
-    Load and rod, and forces and springs of another linkage, push the frame as they push its
-    bodies, whose motion is given: the ground feels none of them.
+    Forces and springs push the frame as they push its bodies, whose motion is given: the ground
+    feels none of them.
     """
-    inside: dict[str, Any] = {"load": None, "rod": None}
-    if isinstance(scene, LinkageScene):
-        inside = {"pushes": (), "springs": ()}
-    return dataclasses.replace(scene.ideal(), **inside)
+    return dataclasses.replace(scene.ideal(), pushes=(), springs=())
 
 
 def run_up(scene: AbstractScene, speeds: np.ndarray) -> dict[str, np.ndarray]:

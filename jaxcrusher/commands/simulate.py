@@ -1,7 +1,7 @@
 """`python -m jaxcrusher simulate`: one crusher's motion, as a file and a picture."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -23,7 +23,6 @@ from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import Column, vector_columns
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.simulation import Trajectory, leading_force
@@ -88,7 +87,8 @@ def run(options: Simulate, console: Console) -> int:
         console.print(f"FAILED: {failure}", style="red")
     else:
         if found.make is None:
-            console.print(closing(motion, summary, settle, scene.joints.names))
+            loose = {joint: scene.prefix(joint) for joint in scene.joints.names}
+            console.print(closing(motion, summary, settle, loose))
         else:
             console.print(closing_of_linkage(motion, summary, settle))
         if summary is not None and (advice := scattered(summary)):
@@ -149,7 +149,7 @@ def draw(
 ) -> Figure:
     """An orbit for each joint with clearance, and the leading force, at the instants `drawn`."""
     shown, joints = leading_force(scene), scene.joints.names
-    names = (shown, *(f"{before(joint)}eccentricity" for joint in joints))
+    names = (shown, *(f"{scene.prefix(joint)}eccentricity" for joint in joints))
     seen = {name: motion[name][drawn] for name in names}
     part = Trajectory(motion.time[drawn], motion.outcome, seen)
     fig, ax = plots.pins_and_force(scene, part)
@@ -206,13 +206,13 @@ def closing_of_linkage(motion: Trajectory, summary: Statistics | None, settle: i
 
 
 def closing(
-    motion: Trajectory, summary: Statistics | None, settle: int, loose: Sequence[str]
+    motion: Trajectory, summary: Statistics | None, settle: int, loose: Mapping[str, str]
 ) -> str:
     """RMS of both forces, peak, contact, whirl and what is outside the model, on one line."""
 
     def contact(share: Callable[[str], Any]) -> list[str]:
         """Say the share of time in contact of each loose joint; `share` is by its prefix."""
-        of = {"" if joint == "main" else f"{joint} ": before(joint) for joint in loose}
+        of = {f"{joint} " if at else "": at for joint, at in loose.items()}
         return [f"{joint}contact share {float(share(at)):.3f}" for joint, at in of.items()]
 
     if summary is None:

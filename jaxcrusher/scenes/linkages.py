@@ -55,9 +55,9 @@ from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AmbrosioFriction
 from jaxcrusher.mechanism.acting import AbstractPush, Push, PushByAngle, Spring
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
-from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.topology import FRAME, dyads_of
 from jaxcrusher.scenes.build import drive_of, foundation_of, joint_of
 from jaxcrusher.scenes.laws import LAWS
@@ -158,7 +158,7 @@ class Drawing:
     points: tuple[tuple[str, str], ...]
     sides: tuple[int, ...]
 
-    def __call__(self, **values: Any) -> LinkageScene:
+    def __call__(self, **values: Any) -> Scene:
         """Return the scene of these numbers, which may be traced.
 
         A number that only `jax.jit` knows and that lies outside its limits becomes NaN. Raises
@@ -170,8 +170,8 @@ class Drawing:
             for name, *_ in self.joints
             if f"joints.{name}.clearance" in v
         }
-        return LinkageScene(
-            drawn=self.linkage(v),
+        return Scene(
+            linkage=self.linkage(v),
             bearings=Named(bearings),
             drive=drive_of(v),
             pushes=tuple(_push(v, *force) for force in self.forces),
@@ -595,7 +595,7 @@ def _levers(linkage: Linkage, angles: Any) -> list[Any]:
     return jax.vmap(one)(angles)
 
 
-def require_closing(scene: LinkageScene) -> None:
+def require_closing(scene: Scene) -> None:
     """Raise ValueError for known numbers by which a dyad is open, or dead, at some degree."""
     linkage = scene.linkage
     if not is_concrete(linkage):
@@ -620,14 +620,14 @@ def _number(name: str, value: Any) -> float:
     return float(value) if key == name else float(value) / 2  # a diameter
 
 
-def linkage(**description: Any) -> LinkageScene:
+def linkage(**description: Any) -> Scene:
     """Return the scene of a linkage: the tables of a file as keywords, numbers in SI units.
 
     **Arguments:** as in a file of `kind = "linkage"` (see `jaxcrusher.scenes.linkages`), each table
     a mapping: `crank`, `speed`, `bodies`, `joints`, `slides`, `forces`, `springs`, `points`,
     `assembly`, `foundation`. A number is in SI units, or a text with its unit.
 
-    **Returns:** a `LinkageScene`, for all that takes a scene.
+    **Returns:** a `Scene`, for all that takes a scene.
 
     Raises ValueError of one line as `drawn` does.
     """
