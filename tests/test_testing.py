@@ -82,7 +82,7 @@ def normal(kind):
 @pytest.mark.parametrize("part", ["normal", *slow("friction", "load")])
 def test_the_package_s_own_laws_pass(part):
     scene = jc.build_scene({"slip": "surface", "load_law": "normal_to_jaw"})
-    check_law(scene.load if part == "load" else getattr(scene.joint, part))
+    check_law(scene.pushes[0] if part == "load" else getattr(scene.joints.at("main"), part))
 
 
 @pytest.mark.slow

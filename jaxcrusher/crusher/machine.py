@@ -4,6 +4,8 @@ Origin at the toggle plate's frame pivot C, x to the right, y up. The main beari
 O, the shaft's eccentric pin at A_shaft, the jaw's bearing at A_jaw, the elbow at B.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Scalar
 
@@ -54,6 +56,7 @@ def crusher_linkage(
         "shaft_bearing": Joint(bore=Point(FRAME, arm_to(bearing)), pin=Point("shaft")),
     }
     bodies = {"shaft": shaft, "toggle": toggle, "jaw": jaw}
+    _require_bodies(bodies)
     at = "shaft", "shaft_bearing"
     found = Linkage(Named(bodies), Named(joints), *at, (elbow_side,), scalar(gravity))
     require_crusher(found)
@@ -70,6 +73,12 @@ def lengths_of(linkage: Linkage) -> dict[str, Scalar]:
     }
 
 
+def _require_bodies(bodies: Mapping[str, Body]) -> None:
+    for name, body in bodies.items():
+        require_positive(f"{name}.mass", body.mass, "kg")
+        require_positive(f"{name}.inertia", body.inertia, "kg m2")
+
+
 def require_crusher(linkage: Linkage, clearance: Scalar | float = 0.0) -> None:
     """Check masses and lengths, and that the links close with room to spare at every angle.
 
@@ -77,9 +86,7 @@ def require_crusher(linkage: Linkage, clearance: Scalar | float = 0.0) -> None:
     the jaw lie in one line (a dead point) where it reaches l2 + l3 or |l2 - l3|. Raises ValueError
     (concrete values only).
     """
-    for name, body in linkage.bodies.items():
-        require_positive(f"{name}.mass", body.mass, "kg")
-        require_positive(f"{name}.inertia", body.inertia, "kg m2")
+    _require_bodies(dict(linkage.bodies.items()))
     lengths, place = lengths_of(linkage), linkage.joint("shaft_bearing").bore.arm.vector()
     for name, length in lengths.items():
         require_positive(name, length, "m")

@@ -5,14 +5,14 @@ supports. A template says what they are called, and adds what its machines alone
 """
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.basics.checks import require
+from jaxcrusher.basics.checks import require, require_names
 from jaxcrusher.basics.plane import Vector, or_zero, plus
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
@@ -398,6 +398,29 @@ def statistics_of(template: Template, parts: Parts) -> Statistics:
         meaning = f"mean of F_n |surface slip| at {at.title}: wear"
         found[f"{at.prefix}sliding_power"] = Statistic("W", meaning, wear, PowerMean())
     return found | (OF_SUPPORTS if parts.supports else {})
+
+
+# What a scene may lack, and how its parts would be with it.
+_WITH: dict[str, Callable[[Parts], Parts]] = {
+    "a clearance there": lambda parts: parts._replace(loose=parts.joints),
+    "friction there": lambda parts: parts._replace(rubbing=parts.joints),
+    "rollers there": lambda parts: parts._replace(rolling=parts.joints),
+    "supports": lambda parts: parts._replace(supports=True),
+    "a spring": lambda parts: parts._replace(springs=True),
+    "a crank that may rest": lambda parts: parts._replace(rests=True),
+}
+
+
+def require_asked(
+    outputs: Any, table: Mapping[str, Any], template: Template, parts: Parts, *others: str
+) -> None:
+    """Check names of a scene's table, or `others`; ValueError says what an absent one needs."""
+    for name in () if isinstance(outputs, str) or not isinstance(outputs, Iterable) else outputs:
+        for lacking, change in _WITH.items() if name not in table else ():
+            whole = template, change(parts)
+            needs = name in observables_of(*whole) or name in statistics_of(*whole)
+            require(not needs, "outputs", f"ask for {name} only of a scene with {lacking}", "asked")
+    require_names("outputs", outputs, (*table, *others))
 
 
 @functools.cache

@@ -43,6 +43,7 @@ from jaxcrusher.mechanism.quantities import (
     limits_of,
     may_rest,
     observables_of,
+    require_asked,
     statistics_of,
     usual_of,
 )
@@ -97,7 +98,8 @@ class Scene(Printed):
         known = self.linkage.joints.names
         for name, bearing in self.bearings.items():
             require(name in known, "bearings", f"be of joints: {', '.join(known)}", f"of {name}")
-            require_clearance(bearing.clearance, bearing.bore_radius, self.prefix(name))
+            prefix = f"{name}." if self.prefix(name) else ""
+            require_clearance(bearing.clearance, bearing.bore_radius, prefix)
         bodies = self.linkage.bodies.names
         for name, point in self.points.items():
             require(name not in bodies, "points", "have names that no body has", name)
@@ -201,6 +203,13 @@ class Scene(Printed):
     def usual_statistics(self) -> tuple[str, ...]:
         """Return the names of those that are computed without being asked for."""
         return (*usual_of(self.template, self._parts), *dict(self.own))
+
+    def require_outputs(self, outputs: Any, table: Mapping[str, Any], *others: str) -> None:
+        """Check that names are of one of the scene's tables, or `others`.
+
+        Raises ValueError, which says what the scene lacks that would have a name.
+        """
+        require_asked(outputs, table, self.template, self._parts, *others)
 
     @property
     def leading(self) -> str:

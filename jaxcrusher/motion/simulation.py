@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import concrete, require, require_names
+from jaxcrusher.basics.checks import concrete, require
 from jaxcrusher.basics.integrate import (
     Carried,
     Integration,
@@ -161,7 +161,7 @@ def simulate(
     require_times(times)
     how = resolve(scene, rtol, method, FIRST_STEP)
     outputs = (*scene.observables, "energy") if outputs is None else outputs
-    require_names("outputs", outputs, (*scene.observables, "energy"))
+    scene.require_outputs(outputs, scene.observables, "energy")
     found = _simulate(scene, jnp.asarray(times, dtype=float), state, how, tuple(outputs))
     start = scene.drive.crank(jnp.zeros(()), scene.drive.initial())
     warn_of_slopes(found, found.outcome, start.speed)

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import nan_unless, require_names, require_whole
+from jaxcrusher.basics.checks import nan_unless, require_whole
 from jaxcrusher.basics.following import Following, Instant
 from jaxcrusher.basics.integrate import (
     Carried,
@@ -180,7 +180,7 @@ def statistics(
     require_whole("turns", turns, 1)
     how = resolve(scene, rtol, method)
     outputs = scene.usual_statistics if outputs is None else outputs
-    require_names("outputs", outputs, tuple(scene.statistics))
+    scene.require_outputs(outputs, scene.statistics)
     found = over_turns(scene, state, settle_turns, turns, scene.entries(outputs), how)
     warn_of_slopes(found, found.outcome)
     return found

@@ -15,7 +15,6 @@ from jaxcrusher.basics.checks import (
     is_concrete,
     nan_unless,
     require,
-    require_names,
     require_own_process,
 )
 from jaxcrusher.basics.record import words
@@ -219,7 +218,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         require_one(self)
         known = self.scene.observables
         outputs = tuple(known) if outputs is None else outputs
-        require_names("outputs", outputs, tuple(known))
+        self.scene.require_outputs(outputs, known)
         entries = tuple((name, known[name]) for name in outputs)
         return seen_along(self, jnp.asarray(angles, dtype=float), entries)
 

@@ -8,7 +8,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.integrate import RESULTS, Outcome
-from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.dynamics.bifurcation import _row, bifurcation
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.section import Section
@@ -26,7 +26,7 @@ def scene(speed):
 
 def broken(speed):
     gravity = jnp.array(jnp.nan if speed == 34.95 else 9.81)
-    return eqx.tree_at(lambda s: s.machine.gravity, scene(speed), gravity)
+    return eqx.tree_at(lambda s: s.linkage.gravity, scene(speed), gravity)
 
 
 def points(diagram, speed):

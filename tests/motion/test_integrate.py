@@ -101,7 +101,7 @@ def test_a_failed_lane_leaves_the_others_alone():
 def test_nothing_finite_ends_at_once(start):
     """Also where the first state is not finite, and beside a lane that is."""
     scene = jc.paper_scene(30.0, 0.06e-3, start=start)
-    broken = eqx.tree_at(lambda s: s.machine.gravity, scene, scalar(jnp.nan))
+    broken = eqx.tree_at(lambda s: s.linkage.gravity, scene, scalar(jnp.nan))
     result = jc.statistics(
         broken, 0, 2, outputs=("foundation_rms",), method=jc.Method(max_steps=1000)
     )

@@ -124,12 +124,15 @@ def test_a_scene_file_names_laws_and_their_numbers(laws, tmp_path):
     assert numbers.items() <= values.items()
     assert values["contact.hertz"] == pytest.approx(2e3 * 1000**1.5, rel=1e-15)  # rounding
     scene = jc.build_scene(values)
-    assert type(scene.joint.normal).__name__ == "KelvinVoigt"
-    assert float(scene.joint.normal.spring) == 5e9 and float(scene.joint.friction.speed) == 0.2
+    assert type(scene.joints.at("main").normal).__name__ == "KelvinVoigt"
+    assert (
+        float(scene.joints.at("main").normal.spring) == 5e9
+        and float(scene.joints.at("main").friction.speed) == 0.2
+    )
     # What the joint knows is given: friction's coefficient and the corner's width.
-    assert float(scene.joint.friction.coefficient) == 0.1
+    assert float(scene.joints.at("main").friction.coefficient) == 0.1
     plain = jc.build_scene({"start": "contact"}).joint.normal
-    assert float(scene.joint.normal.width) == float(plain.width)
+    assert float(scene.joints.at("main").normal.width) == float(plain.width)
     motion = jc.simulate(scene, [0.0], outputs=("crushing_load",))
     assert np.linalg.norm(motion.crushing_load[0]) == pytest.approx(9e3)
     # Without a default a step of one is taken, of what may be zero.
@@ -283,8 +286,8 @@ def test_an_elbow_has_a_law_of_its_own(laws, tmp_path):
     read_scene_file(tmp_path / "scene.toml")
     values = {"elbow.contact_law": f"{laws}:KelvinVoigt", "elbow.clearance": 1e-4}
     scene = jc.build_scene(values | {"elbow.spring": 1e9, "elbow.damping": 1e3})
-    assert float(scene.elbow.normal.spring) == 1e9
-    assert type(scene.joint.normal).__name__ == "LankaraniNikravesh"
+    assert float(scene.joints.at("elbow").normal.spring) == 1e9
+    assert type(scene.joints.at("main").normal).__name__ == "LankaraniNikravesh"
     # Its slip and its impact velocity are parts there too, no choice and no number.
     values = {"elbow.friction_law": f"{laws}:Tanh", "elbow.slip": "surface", **values}
     values |= {"elbow.spring": 1e9, "elbow.damping": 1e3, "elbow.impact_velocity": 0.3}

@@ -12,7 +12,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics import setup
 from jaxcrusher.basics.setup import UnusualNumbers
-from jaxcrusher.commands.crushers import read_crusher
+from jaxcrusher.commands.crushers import read_machine
 from jaxcrusher.commands.options import Crusher
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, PE250X400, openers, readable
 from jaxcrusher.scenes.plausibility import RATIOS, remarks, tell_borrowed
@@ -126,7 +126,7 @@ def test_what_cannot_be_is_refused(values, name):
 
 def test_a_command_tells_what_an_example_on_rollers_leaves(capsys):
     path = Path(__file__).parents[2] / "examples" / "pe900x1200.toml"
-    values = read_crusher(Crusher(scene=path)).values
+    values = read_machine(Crusher(scene=path)).values
     assert values["contact_law"] == "rollers"
     assert "pe900x1200.toml leaves 2 numbers to the PE250x400" in capsys.readouterr().err
 
