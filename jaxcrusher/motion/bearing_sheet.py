@@ -70,14 +70,20 @@ def _friction(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
     return jnp.zeros_like(s.motion.crank.speed) if loss is None else loss
 
 
+def _swings(scene: AbstractScene, joint: str) -> bool:
+    """Return whether a joint has rollers between two bodies of which none is the crank."""
+    one = scene.linkage.joint(joint)
+    rolls = isinstance(scene.joints[joint], RollerBearing)
+    return rolls and scene.linkage.crank not in (one.bore.body, one.pin.body)
+
+
 def _wearing(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
     """Return load^(10/3) times the speed of the rings: ISO 281 averages over revolutions.
 
-    Uneven speed does not spread these evenly over time. Of a joint without rollers it is the
-    crank's speed.
+    Uneven speed does not spread these evenly over time. It is the crank's speed, but where rollers
+    swing.
     """
-    rolls = isinstance(scene.joints[joint], RollerBearing)
-    speed = ring_speed(s, scene, joint) if rolls else _speed(s, scene)
+    speed = ring_speed(s, scene, joint) if _swings(scene, joint) else _speed(s, scene)
     return force_at(s, scene, joint) ** LIFE_EXPONENT * speed
 
 
@@ -116,11 +122,11 @@ def outputs_of(scene: AbstractScene, first: str | None = None) -> Chosen:
                 "friction": Statistic("W", "power of friction", friction, PowerMean()),
             }
         if isinstance(bearing, RollerBearing):
-            pressure, rings = OfPart(roller_pressure, joint), OfPart(ring_speed, joint)
-            of_joint |= {
-                "pressure": Statistic("Pa", "pressure", pressure, LARGEST),
-                "rings": Statistic("rad/s", "mean speed of the rings", rings, PowerMean()),
-            }
+            pressure = OfPart(roller_pressure, joint)
+            of_joint["pressure"] = Statistic("Pa", "pressure", pressure, LARGEST)
+        if _swings(scene, joint):
+            rings = OfPart(ring_speed, joint)
+            of_joint["rings"] = Statistic("rad/s", "mean speed of the rings", rings, PowerMean())
         found |= {f"{joint} {name}": statistic for name, statistic in of_joint.items()}
     return tuple(found.items())
 
@@ -160,8 +166,8 @@ def _of_joint(turns: Turns, joint: str) -> dict[str, tuple[float, float]]:
         return turns.values[f"{joint} {name}"]
 
     bearing = turns.scene.joints[joint]
-    rolls = isinstance(bearing, RollerBearing)
-    speed = float((of("rings") if rolls else turns.values["speed"]).mean())
+    rings = of("rings") if _swings(turns.scene, joint) else turns.values["speed"]
+    speed = float(rings.mean())
     worn, error = _mean(of("wear") / speed)
     equivalent = worn ** (1 / LIFE_EXPONENT)
     found = {

@@ -1,5 +1,7 @@
 """Diagrams on a range with one orbit, a state that is handed on, values that are no points."""
 
+from pathlib import Path
+
 import diffrax
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,11 +14,13 @@ from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.dynamics.bifurcation import _row, bifurcation
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.section import Section
+from jaxcrusher.scenes.linkages import read_linkage
 
 # With the closing stroke's load one orbit of period 1, with an exponent of -0.5 a turn: 30 turns
 # leave exp(-15) of a start. (At 35.1 rad/s the period has doubled.)
 SPEEDS = [34.9, 34.95, 35.0]
 COUNTS = {"settle_turns": 30, "turns": 20}
+EXAMPLES = Path(__file__).parents[2] / "examples"
 KEYS = ["e_x", "e_y", "rate_x", "rate_y"]
 
 
@@ -72,9 +76,9 @@ def test_a_whirl_is_no_point():
         known = tuple(STATISTIC.items())
         return Section(jnp.zeros((20, 4)), jnp.zeros((0, 4, 4)), outcome, values, known)
 
-    row = _row(found(-100), 1e-9)
+    row = _row(found(-100), "foundation_rms", 1e-9)
     assert row["whirl"] and np.isnan(row["e_x"]).all() and np.isnan(row["foundation_rms"]).all()
-    assert not _row(found(1), 1e-9)["whirl"]
+    assert not _row(found(1), "foundation_rms", 1e-9)["whirl"]
 
 
 def test_bad_arguments():
@@ -84,3 +88,21 @@ def test_bad_arguments():
         bifurcation(scene, [35.0], settle_turns=1, turns=5)
     with pytest.raises(ValueError, match=r"^Argument `scene` must make scenes with clearance"):
         bifurcation(jc.ideal_scene, [35.0], settle_turns=1, turns=20)
+
+
+def test_a_diagram_of_a_linkage_has_its_leading_statistic():
+    """What shakes the ground, of the turns of its section."""
+    drawing, values, _ = read_linkage(EXAMPLES / "slider_crank.toml")
+
+    def made(speed):
+        return drawing(**values | {"speed": speed})
+
+    speeds = [200.0, 210.0]
+    found = bifurcation(made, speeds, settle_turns=1, turns=20, name="speed", units="rad/s")
+    assert found.success.all() and "foundation_rms" not in found
+    assert found.shaking_rms.units == "N" and found.shaking_rms.dims == ("value", "turn")
+    outputs = ("shaking_rms", "B_contact_fraction", "B_winding")
+    state = initial_state(made(200.0))
+    first = jc.poincare_section(made(200.0), 1, 20, state=state, outputs=outputs)
+    np.testing.assert_array_equal(found.shaking_rms.sel(value=200.0), first["shaking_rms"])
+    np.testing.assert_array_equal(points(found, 200.0), first.states)

@@ -169,7 +169,7 @@ def test_python_warns_once_of_each_value_that_commands_tell(monkeypatch):
         jc.paper_scene(286.0, 0.06e-3)
         jc.paper_scene(30.0, 0.06e-3)
         # What a traced program alone will know.
-        jax.jit(lambda clearance: jc.paper_scene(30.0, clearance).joint.clearance)(0.02)
+        jax.jit(lambda clearance: jc.paper_scene(30.0, clearance).joints.at("main").clearance)(0.02)
         assert again == []
         jc.paper_scene(287.0, 0.06e-3)
     assert ["speed 287 rad/s (2741 rpm)" in str(one.message) for one in again] == [True] * 2
