@@ -105,4 +105,4 @@ def test_a_diagram_of_a_linkage_has_its_leading_statistic():
     state = initial_state(made(200.0))
     first = jc.poincare_section(made(200.0), 1, 20, state=state, outputs=outputs)
     np.testing.assert_array_equal(found.shaking_rms.sel(value=200.0), first["shaking_rms"])
-    np.testing.assert_array_equal(points(found, 200.0), first.states)
+    np.testing.assert_array_equal(points(found, 200.0), first.states[:, :4])
