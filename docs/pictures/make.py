@@ -76,7 +76,7 @@ def bearings() -> Figure:
     import numpy as np
 
     import jaxcrusher as jc
-    from jaxcrusher.crusher.observables import bearing_stiffness
+    from jaxcrusher.mechanism.observables import bearing_stiffness
     from jaxcrusher.pictures.plots import WIDTH
 
     fig, (stiff, settling) = plt.subplots(1, 2, figsize=(WIDTH, 3.4), layout="constrained")
