@@ -88,7 +88,9 @@ def _with(scene: jc.Scene, value: Scalar) -> jc.Scene:
         return eqx.tree_at(lambda s: s.drive.speed, scene, value)
     stiffness = cylinder_stiffness(scene.joints.at("main").bore_radius, value)
     return eqx.tree_at(
-        lambda s: (s.joint.clearance, s.joint.normal.stiffness), scene, (value, stiffness)
+        lambda s: (s.joints.at("main").clearance, s.joints.at("main").normal.stiffness),
+        scene,
+        (value, stiffness),
     )
 
 
@@ -125,7 +127,7 @@ def _variants(scene: jc.Scene) -> Iterator[Run]:
         method = resolve(scene, 1e-9, method)
         yield Run("Tsit5, fixed steps", f"{step:.0e} rad", scene, method, with_slope=False)
     for width in WIDTHS if scene.joints["main"] is not None else ():
-        smoothed = eqx.tree_at(lambda s: s.joint.normal.width, scene, jnp.array(width))
+        smoothed = eqx.tree_at(lambda s: s.joints.at("main").normal.width, scene, jnp.array(width))
         for rtol in FEW:
             yield Run(
                 f"Tsit5, corner {width:.0e} m", f"rtol {rtol:.0e}", smoothed, _adaptive(scene, rtol)

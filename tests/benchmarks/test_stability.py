@@ -91,7 +91,9 @@ def test_statistics_tell_another_mean():
 
 def test_motion_that_is_not_finite_fails():
     scene = CASE.scene("eccentricity")
-    broken = eqx.tree_at(lambda s: s.joint.normal.stiffness, scene, scalar(float("nan")))
+    broken = eqx.tree_at(
+        lambda s: s.joints.at("main").normal.stiffness, scene, scalar(float("nan"))
+    )
     found = judgement.simulate(broken)
     assert not found.success
     assert found.failure

@@ -99,7 +99,7 @@ def test_the_largest_excursion_is_from_the_mean_place_in_both_directions():
 def test_a_whirl_is_told_by_each_loose_joint():
     path = Path(__file__).parents[2] / "examples" / "pump.toml"
     text = path.read_text().replace('kind = "linkage"', "")
-    for name, at in (("A", "B_"), ("B", "")):  # ideal, and loose
+    for name, at in (("A", "B_"), ("B", "main_")):  # ideal, and loose
         scene = jc.linkage(**tomllib.loads(text.replace(f"[joints.{name}]", "[joints.main]")))
         assert of_whirl(scene) == ("shaking_rms", f"{at}contact_fraction", f"{at}winding")
     loose = jc.build_scene({"clearance": 6e-5, "shaft_bearing.clearance": 6e-5})
