@@ -257,8 +257,8 @@ class Scene(Printed):
 
     def ideal(self) -> "Scene":
         """Return the same scene with ideal joints: what a clearance adds to."""
-        none, formulation = Named[AbstractBearing](), _eccentricities()
-        return dataclasses.replace(self, bearings=none, start=None, formulation=formulation)
+        formulation = _eccentricities()
+        return dataclasses.replace(self, bearings=Named(), start=None, formulation=formulation)
 
     @property
     def supports(self) -> OnSupports | None:

@@ -200,14 +200,15 @@ def test_rollers_fit_their_pitch_where_both_are_known():
         build(**{"rollers.diameter": 0.2})
     for name in ("rollers.diameter", "rollers.pitch_diameter"):
         traced = jax.eval_shape(lambda size, name=name: build(**{name: size}), 0.02)
-        assert traced.joint.roller_diameter.shape == traced.joint.pitch_diameter.shape == ()
+        bearing = traced.joints.at("main")
+    assert bearing.roller_diameter.shape == bearing.pitch_diameter.shape == ()
 
 
 def test_friction_of_zero_is_left_out_unless_traced():
     scene = jc.build_scene({"friction": 0.0})
     assert scene.joints.at("main").friction is None
     traced = jax.vmap(lambda f: jc.build_scene({"friction": f}))(jnp.array([0.0, 0.1]))
-    assert traced.joint is not None and traced.joint.friction is not None
+    assert traced.joints.at("main").friction is not None
 
 
 @pytest.mark.parametrize("wrap", [jax.grad, lambda function: function])
