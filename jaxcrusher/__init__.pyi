@@ -3,8 +3,7 @@ from .basics.setup import set_up as set_up
 from .batch.engines import map_all as map_all
 from .batch.engines import map_chunks as map_chunks
 from .batch.sweep import sweep as sweep
-from .crusher.scene import Scene as Scene
-from .crusher.statistics_table import STATISTICS as STATISTICS
+from .crusher.template import STATISTICS as STATISTICS
 from .dynamics.bifurcation import bifurcation as bifurcation
 from .dynamics.coexisting_orbits import basin_map as basin_map
 from .dynamics.coexisting_orbits import coexisting_orbits as coexisting_orbits
@@ -13,6 +12,7 @@ from .dynamics.regime import regime as regime
 from .dynamics.slopes import gradient_report as gradient_report
 from .identification.identify import identify as identify
 from .identification.propagate import propagate as propagate
+from .mechanism.scene import Scene as Scene
 from .motion.method import Method as Method
 from .motion.section import poincare_section as poincare_section
 from .motion.simulation import OUTPUTS as OUTPUTS

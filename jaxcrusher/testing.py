@@ -22,10 +22,10 @@ from jaxcrusher.basics.checks import nan_unless, require
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import in_lanes, in_turn, side_by_side, stack
 from jaxcrusher.crusher.loads import AbstractLoad
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import AbstractNormalForce
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.statistics import statistics
 from jaxcrusher.scenes.build import build_scene
 
@@ -181,15 +181,13 @@ def _scenes(law: eqx.Module) -> Iterator[Scene]:
     """Yield crushers with the law."""
     for speed in (27.0, 31.0):
         plain = build_scene({"speed": speed, "clearance": 6e-5, "start": "contact"})
-        assert plain.joint is not None
         if isinstance(law, AbstractLoad):
-            yield dataclasses.replace(plain, load=law)
+            yield dataclasses.replace(plain, pushes=(law,))
             continue
-        if isinstance(law, AbstractBearing):
-            yield dataclasses.replace(plain, joint=law)
-            continue
-        part = "friction" if isinstance(law, AbstractFriction) else "normal"
-        yield dataclasses.replace(plain, joint=dataclasses.replace(plain.joint, **{part: law}))
+        if not isinstance(law, AbstractBearing):
+            part = "friction" if isinstance(law, AbstractFriction) else "normal"
+            law = dataclasses.replace(plain.joints.at("main"), **{part: law})
+        yield plain.with_bearing("main", law)
 
 
 def _turn(scene: Scene) -> Array:

@@ -14,7 +14,8 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import nan_unless
 from jaxcrusher.crusher.capacity import stroke
-from jaxcrusher.scenes.build import build_machine
+from jaxcrusher.crusher.machine import lengths_of
+from jaxcrusher.scenes.build import build_linkage
 from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, Parameter
 
 # Newton steps on the eccentricity, to which the stroke is nearly proportional.
@@ -79,16 +80,17 @@ class EqualStroke:
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "EqualStroke":
         """With the stroke of a description; limits are `MULTIPLES` of its eccentricity."""
-        machine = build_machine(values)
-        low, high = (float(machine.shaft.eccentricity) * multiple for multiple in MULTIPLES)
-        return cls(float(jax.jit(stroke)(machine)), (low, high))
+        linkage = build_linkage(values)
+        eccentricity = float(lengths_of(linkage)["shaft.eccentricity"])
+        low, high = (eccentricity * multiple for multiple in MULTIPLES)
+        return cls(float(jax.jit(stroke)(linkage)), (low, high))
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """The numbers with the eccentricity added; differentiable."""
 
         def excess(eccentricity: Scalar, values: Mapping[str, Any]) -> Scalar:
-            machine = build_machine({**values, "shaft.eccentricity": eccentricity})
-            return stroke(machine) - self.target
+            links = build_linkage({**values, "shaft.eccentricity": eccentricity})
+            return stroke(links) - self.target
 
         held = jax.lax.stop_gradient(jax.tree.map(jnp.asarray, dict(values)))
 

@@ -10,8 +10,7 @@ from scipy.special import stdtrit
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import stroke, stroke_ratio
-from jaxcrusher.crusher.machine import Machine
-from jaxcrusher.crusher.scene import crusher_of
+from jaxcrusher.mechanism.linkage import Linkage
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.statistics import limits_of
@@ -115,14 +114,13 @@ def confirmed(
 def _crushing(case: Case, scene: AbstractScene, unit: np.ndarray) -> Crushing | None:
     if case.chamber is None:
         return None
-    crusher = crusher_of(scene)
-    sizes = crusher.joints.values[0].clearance, case.capacity(unit)
-    return Crushing(*(float(one) for one in (*sizes, *_strokes(crusher.machine))))
+    sizes = scene.joints.values[0].clearance, case.capacity(unit)
+    return Crushing(*(float(one) for one in (*sizes, *_strokes(scene.linkage))))
 
 
 @jax.jit  # one program in place of a hundred
-def _strokes(machine: Machine) -> tuple[Scalar, Scalar]:
-    return stroke(machine), stroke_ratio(machine)
+def _strokes(linkage: Linkage) -> tuple[Scalar, Scalar]:
+    return stroke(linkage), stroke_ratio(linkage)
 
 
 def _in_contact(by_run: Rows) -> bool:

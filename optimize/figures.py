@@ -12,7 +12,6 @@ from matplotlib.patches import Patch
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
-from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.files.results import write_figure
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.pictures import mechanism, plots
@@ -250,7 +249,7 @@ def _numbers(design: Confirmed, statistic: str, transient: bool) -> tuple[float,
 
 def draw_bearings(folder: Path, case: Case, design: Confirmed) -> None:
     """Draw where the frame carries the machine, at O and C, when the toggle presses hardest."""
-    scene = crusher_of(case.design.build(case.design.described(design.values)).ideal())
+    scene = case.design.build(case.design.described(design.values)).ideal()
     times = 2 * np.pi / design.speed * np.linspace(0, 1, 73)
     turn = jc.simulate(scene, times, outputs=mechanism.DRAWN)
     hardest = int(np.argmax(np.linalg.norm(turn["toggle_reaction"], axis=1)))
@@ -281,7 +280,7 @@ def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
         ideal = jc.simulate(scene.ideal(), times, outputs=(leading_force(scene),))
         for row, (start, motion) in enumerate(motions[column].items()):
             orbit, force = axes[row, 2 * column : 2 * column + 2]
-            plots.plot_orbit(motion, clearance, orbit, joint=joint)
+            plots.plot_orbit(motion, clearance, orbit, prefix=scene.prefix(joint))
             plots.plot_force(motion, ideal, force)
             orbit.set_title(f"{title}, start {start}", fontsize=10)
             force.set_title(f"{of_speed}, {1e3 * clearance:.3f} mm", fontsize=10)

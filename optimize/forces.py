@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.crusher.template import STATISTIC
 
 # What a sentence calls them; tables give the definition. What frame and bearings carry, with weight
 # and crushing load, and what shakes the ground.

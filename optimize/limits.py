@@ -41,7 +41,7 @@ def read_limits(written: Iterable[tuple[str, str]], scene: AbstractScene) -> tup
     """
     found: dict[str, Limit] = {}
     for name, text in written:
-        require_known(name, scene.own_statistics)
+        require_known(name, scene.statistics)
         unit = scene.statistics[name].unit
         require(name not in found, "limit", "name every statistic once", name)
         most = typed_in(unit, name, text)

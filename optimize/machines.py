@@ -14,7 +14,6 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.crusher.capacity import CAUTION, stroke, stroke_ratio
-from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.files.results import results_folder, write_figure, write_table
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.forced import refusal
@@ -92,9 +91,10 @@ def run(
 
 def compared(name: str, machine: jc.Machine, settle: int, turns: int) -> Compared:
     """Return the numbers of a crusher on its stable orbit, or over `turns` turns after `settle`."""
-    chamber, scene = build_chamber(machine.values), crusher_of(machine.scene())
+    chamber, scene = build_chamber(machine.values), machine.scene()
     left = len(machine.structure.borrowed(machine.given))
-    rubs = scene.joint is not None and scene.joint.friction is not None
+    main = scene.joints["main"]
+    rubs = main is not None and main.friction is not None
     names = [name for name in COMPARED if name != "wear" or rubs]
     result, motion = None, "periodic orbit"
     if scene.steady() is not scene:
@@ -114,10 +114,10 @@ def compared(name: str, machine: jc.Machine, settle: int, turns: int) -> Compare
     numbers = dict.fromkeys(QUANTITIES, math.nan)
     numbers["speed"] = float(scene.drive.speed)
     numbers["capacity"] = float(chamber.capacity(scene.drive.speed))
-    numbers["stroke"] = float(stroke(scene.machine))
-    numbers["stroke_ratio"] = float(stroke_ratio(scene.machine))
-    if scene.joint is not None:
-        numbers["clearance"] = float(scene.joint.clearance)
+    numbers["stroke"] = float(stroke(scene.linkage))
+    numbers["stroke_ratio"] = float(stroke_ratio(scene.linkage))
+    if main is not None:
+        numbers["clearance"] = float(main.clearance)
     numbers |= {name: float(OBJECTIVES[name].formula(result, scene, chamber)) for name in names}
     typical = {}
     if isinstance(result, Statistics):

@@ -16,7 +16,6 @@ from jaxtyping import Array, Float
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import chunk_of, run_all, stack
 from jaxcrusher.files.table import Column, dataset
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import Trajectory, leading_force
 from optimize.answer import Confirmed
@@ -40,7 +39,7 @@ KEPT = {
 
 def drawn(scene: AbstractScene) -> tuple[str, str]:
     """Return the observables that are drawn of a motion: the force, and where the first pin is."""
-    return leading_force(scene), f"{before(scene.joints.names[0])}eccentricity"
+    return leading_force(scene), f"{scene.prefix(scene.joints.names[0])}eccentricity"
 
 
 def cell_motions(

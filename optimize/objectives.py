@@ -11,8 +11,7 @@ from jaxtyping import Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import nan_unless, require
-from jaxcrusher.crusher.loads import RoughFeed
-from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.mechanism.reductions import PEAK, PowerMean, Statistic
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.feed_response import TURNS
@@ -78,9 +77,9 @@ def _expected(found: Statistics | PeriodicOrbit, scene: jc.Scene, _) -> Scalar:
     """
     if not isinstance(found, PeriodicOrbit):
         return jnp.full_like(found.foundation_rms, jnp.nan)
-    if not isinstance(scene.load, RoughFeed):  # a free scatter at its bound 0
+    if scene.steady() is scene:  # a free scatter at its bound 0
         return found.foundation_rms
-    response = jc.feed_response(replace(found, scene=replace(found.scene, load=scene.load)))
+    response = jc.feed_response(replace(found, scene=replace(found.scene, pushes=scene.pushes)))
     return nan_unless(response.losses <= 1 / TURNS, response.expected_rms)
 
 

@@ -142,8 +142,8 @@ def _objective(name: str, searched: Searched) -> Objective:
     known = {} if searched.chamber is None else OBJECTIVES
     stands = scene.supports is not None or name not in OF_SUPPORTS
     require(stands, "objective", "be another without foundation.mass", name)
-    if name not in scene.own_statistics:
-        require_choice("objective", name, tuple(known or scene.own_statistics))
+    if name not in scene.statistics:
+        require_choice("objective", name, tuple(known or scene.statistics))
     found = known[name] if name in known else plain(name, scene.statistics)
     if searched.chamber is not None and "sliding_power" in found.outputs:
         main = scene.joints["main"]

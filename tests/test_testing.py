@@ -70,19 +70,19 @@ class Cornered(RollerBearing):
 
 
 def rollers(kind):
-    made = jc.build_scene({"contact_law": "rollers"}).joint
+    made = jc.build_scene({"contact_law": "rollers"}).joints.at("main")
     return kind(**{field.name: getattr(made, field.name) for field in dataclasses.fields(made)})
 
 
 def normal(kind):
-    made = jc.build_scene({}).joint.normal
+    made = jc.build_scene({}).joints.at("main").normal
     return kind(made.stiffness, made.restitution, made.impact_velocity, width=made.width)
 
 
 @pytest.mark.parametrize("part", ["normal", *slow("friction", "load")])
 def test_the_package_s_own_laws_pass(part):
     scene = jc.build_scene({"slip": "surface", "load_law": "normal_to_jaw"})
-    check_law(scene.load if part == "load" else getattr(scene.joint, part))
+    check_law(scene.pushes[0] if part == "load" else getattr(scene.joints.at("main"), part))
 
 
 @pytest.mark.slow
@@ -90,7 +90,7 @@ def test_a_force_that_is_cut_off_smoothly_passes():
     """The corner takes 1e-3 N, which at touch is more than the damping gives."""
     law = normal(Clipped)
     _check_normal(law)
-    _check_bearing(dataclasses.replace(jc.build_scene({}).joint, normal=law))
+    _check_bearing(dataclasses.replace(jc.build_scene({}).joints.at("main"), normal=law))
 
 
 class Endless(AbstractLoad):
@@ -109,7 +109,7 @@ def test_a_law_that_cannot_be_integrated_is_told():
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["rollers", "jaxcrusher.joint.cylinders:Esdu"])
 def test_bearings_of_the_package_pass(law):
-    check_law(jc.build_scene({"contact_law": law, "slip": "surface"}).joint)
+    check_law(jc.build_scene({"contact_law": law, "slip": "surface"}).joints.at("main"))
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ def _windows(what, ours, theirs, times, grown, formulation) -> Iterator[Comparis
 
 
 def _widths(scene) -> list:
-    joint = scene.joint
+    joint = scene.joints.at("main")
     return [law.width for law in (joint.normal, joint.friction) if law is not None]
 
 

@@ -13,7 +13,7 @@ from benchmarks.peers.exudyn_peer import Model
 from benchmarks.peers.motion import Motion
 from benchmarks.reproduction.readings import SETTLE_TURNS, Point, Slip, Start
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import shifted_start
 
 SHOWN_TURNS = 2
@@ -41,14 +41,14 @@ def _row(scene: Scene) -> dict:
     turn = 2 * jnp.pi / scene.drive.speed
     history = SETTLE_TURNS + SHOWN_TURNS * jnp.arange(float(HISTORY)) / HISTORY
     sections = SETTLE_TURNS + SHOWN_TURNS + jnp.arange(float(SECTIONS))
-    assert scene.joint is not None
+    assert scene.joints["main"] is not None
     names = ("eccentricity", "foundation_force", "penetration_ratio", "penetration_rate")
     motion = jc.simulate(
         scene, turn * jnp.concatenate([history, sections]), outputs=names, rtol=1e-6
     )
     depths, rates = motion.penetration_ratio, motion.penetration_rate
     orbit, force = motion.eccentricity, motion.foundation_force
-    section = jnp.stack([1e6 * scene.joint.clearance * depths, 1e3 * rates], axis=1)
+    section = jnp.stack([1e6 * scene.joints.at("main").clearance * depths, 1e3 * rates], axis=1)
     return {"orbit": 1e3 * orbit[:HISTORY], "force": force[:HISTORY], "section": section[HISTORY:]}
 
 

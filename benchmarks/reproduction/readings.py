@@ -19,8 +19,8 @@ from jaxtyping import Array
 import jaxcrusher as jc
 from benchmarks.batch import map_scenes, stacked
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.validity import validity
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import shifted_start
 
 Slip = Literal["centre", "surface"]
@@ -93,9 +93,9 @@ def window_statistics(
         seen[f"{name}_mean"] = jnp.mean(force)
         seen[f"{name}_rms"] = jnp.sqrt(jnp.mean(force**2))
         seen[f"{name}_peak"] = _peaks(force, windows)
-    if scene.joint is not None:
+    if scene.joints["main"] is not None:
         deepest, fastest = jnp.max(motion.penetration_ratio), jnp.max(motion.penetration_rate)
-        seen["hertzian"] = validity(scene.joint, deepest, fastest).hertzian
+        seen["hertzian"] = validity(scene.joints.at("main"), deepest, fastest).hertzian
     return seen
 
 

@@ -20,7 +20,6 @@ from benchmarks.stability.peer import changes
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import stack
 from jaxcrusher.files.results import results_folder, write_table
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.simulation import Trajectory
 
@@ -63,7 +62,7 @@ def motion(scene: jc.Scene, rtol: float, most: int) -> Trajectory:
 
 
 def _compared(scene: jc.Scene) -> tuple[str, ...]:
-    joints = [before(name) for name, _ in scene.joints.items()]
+    joints = [scene.prefix(name) for name, _ in scene.joints.items()]
     seen = [f"{joint}{name}" for joint in joints for name in ("eccentricity", "normal_force")]
     return ("foundation_force", *seen)
 

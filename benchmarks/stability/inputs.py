@@ -33,12 +33,12 @@ STARTS = {
 }
 # Traced values pass every check.
 TRACED: dict[str, tuple[Callable[[Any], jax.Array], float]] = {
-    "clearance, traced": (lambda s: s.joint.clearance, float("nan")),
-    "clearance < 0, traced": (lambda s: s.joint.clearance, -1e-3),
+    "clearance, traced": (lambda s: s.joints.at("main").clearance, float("nan")),
+    "clearance < 0, traced": (lambda s: s.joints.at("main").clearance, -1e-3),
     "speed, traced": (lambda s: s.drive.speed, float("inf")),
-    "stiffness, traced": (lambda s: s.joint.normal.stiffness, float("inf")),
-    "jaw mass, traced": (lambda s: s.machine.jaw.mass, float("nan")),
-    "load, traced": (lambda s: s.load.magnitude, 1e300),
+    "stiffness, traced": (lambda s: s.joints.at("main").normal.stiffness, float("inf")),
+    "jaw mass, traced": (lambda s: s.linkage.body("jaw").mass, float("nan")),
+    "load, traced": (lambda s: s.pushes[0].magnitude, 1e300),
 }
 
 

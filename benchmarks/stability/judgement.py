@@ -13,7 +13,6 @@ from benchmarks.stability.case import Case, Formulation
 from benchmarks.stability.ours import MOST_STEPS, Ours, simulate, statistics
 from benchmarks.stability.reference import FEW, OURS, SETTLE, TIMES, TURNS, Reference, members
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.motion.statistics import WHIRL_WINDING, Statistics
 
@@ -104,7 +103,7 @@ def rolling(scene: jc.Scene, found: Statistics) -> list[str]:
     """Name the pins of B and C that go round their bores."""
     told = []
     for name, _ in scene.joints.items():
-        prefix = before(name)
+        prefix = scene.prefix(name)
         winding, share = float(found[f"{prefix}winding"]), float(found[f"{prefix}contact_fraction"])
         if name != "main" and abs(winding) > WHIRL_WINDING:
             told.append(f"{name}: {winding:.0f} revolutions a turn, {share:.2f} of it in contact")

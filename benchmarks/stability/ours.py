@@ -7,7 +7,6 @@ import jaxcrusher as jc
 from benchmarks.batch import map_scenes
 from benchmarks.stability.case import Case, Formulation
 from benchmarks.stability.reference import SETTLE, TIMES, TURNS
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.motion.statistics import Statistics
 
@@ -25,7 +24,7 @@ class Ours(NamedTuple):
 
 def simulate(scene: jc.Scene) -> Trajectory:
     """Return our motion at the reference's instants."""
-    played = (f"{before(name)}eccentricity" for name, _ in scene.joints.items())
+    played = (f"{scene.prefix(name)}eccentricity" for name, _ in scene.joints.items())
     return jc.simulate(scene, TIMES, outputs=("foundation_force", *played), method=METHOD)
 
 

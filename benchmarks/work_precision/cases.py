@@ -68,7 +68,9 @@ class Case:
             {"main": Vector(self.rate.real, self.rate.imag)},
         )
         return eqx.tree_at(
-            lambda s: (s.start, s.joint.friction.coefficient), scene, (start, scalar(c.friction))
+            lambda s: (s.start, s.joints.at("main").friction.coefficient),
+            scene,
+            (start, scalar(c.friction)),
         )
 
 

@@ -78,17 +78,19 @@ def slope(scene: jc.Scene, angles: Array, method: Integration) -> tuple[Array, A
     def rms(value):
         return solve(_with(scene, value), angles, method)[0]
 
-    value = scene.drive.speed if scene.joint is None else scene.joint.clearance
+    value = scene.drive.speed if scene.joints["main"] is None else scene.joints.at("main").clearance
     return jax.jvp(rms, (value,), (jnp.ones_like(value),))
 
 
 def _with(scene: jc.Scene, value: Scalar) -> jc.Scene:
     """Return the scene with another clearance, on which the stiffness depends, or another speed."""
-    if scene.joint is None:
+    if scene.joints["main"] is None:
         return eqx.tree_at(lambda s: s.drive.speed, scene, value)
-    stiffness = cylinder_stiffness(scene.joint.bore_radius, value)
+    stiffness = cylinder_stiffness(scene.joints.at("main").bore_radius, value)
     return eqx.tree_at(
-        lambda s: (s.joint.clearance, s.joint.normal.stiffness), scene, (value, stiffness)
+        lambda s: (s.joints.at("main").clearance, s.joints.at("main").normal.stiffness),
+        scene,
+        (value, stiffness),
     )
 
 
@@ -124,8 +126,8 @@ def _variants(scene: jc.Scene) -> Iterator[Run]:
         method = jc.Method(stepsize_controller=fixed, max_steps=MOST_STEPS, dt0=step)
         method = resolve(scene, 1e-9, method)
         yield Run("Tsit5, fixed steps", f"{step:.0e} rad", scene, method, with_slope=False)
-    for width in WIDTHS if scene.joint is not None else ():
-        smoothed = eqx.tree_at(lambda s: s.joint.normal.width, scene, jnp.array(width))
+    for width in WIDTHS if scene.joints["main"] is not None else ():
+        smoothed = eqx.tree_at(lambda s: s.joints.at("main").normal.width, scene, jnp.array(width))
         for rtol in FEW:
             yield Run(
                 f"Tsit5, corner {width:.0e} m", f"rtol {rtol:.0e}", smoothed, _adaptive(scene, rtol)

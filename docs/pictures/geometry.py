@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle
 
-from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.machine import lengths_of
+from jaxcrusher.mechanism.linkage import Linkage
 from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE, PURPLE
 
@@ -19,14 +20,14 @@ ANGLE = np.radians(50)  # of the shaft
 MAGNIFIED, CLEARANCE, THROW, LOOSE = 6, 0.25, 0.5, 0.36
 
 
-def plot_geometry(machine: Machine) -> Figure:
+def plot_geometry(linkage: Linkage) -> Figure:
     """Draw the linkage, its eccentricity magnified, with its letters, and the joint beside it.
 
     Points O, A, B, C and mass centres, lengths, and angles counted as in the equations; of the
     joint the centres of pin and bore, e, n, c and the penetration.
     """
     fig, (whole, joint) = plt.subplots(1, 2, figsize=(9.5, 5), layout="constrained")
-    _linkage(machine, whole)
+    _linkage(linkage, whole)
     _joint(joint)
     for ax in (whole, joint):
         ax.set(aspect="equal")
@@ -34,15 +35,15 @@ def plot_geometry(machine: Machine) -> Figure:
     return fig
 
 
-def _linkage(machine: Machine, ax: Axes) -> None:
-    o = np.array([float(machine.bearing.x), float(machine.bearing.y)])
-    size = float(machine.jaw.length)
-    a = o + MAGNIFIED * float(machine.shaft.eccentricity) * _unit(ANGLE)
+def _linkage(linkage: Linkage, ax: Axes) -> None:
+    o = np.asarray(linkage.joint("shaft_bearing").bore.arm.vector().array())
+    throw, size, _ = map(float, lengths_of(linkage).values())
+    a = o + MAGNIFIED * throw * _unit(ANGLE)
     magnified = eqx.tree_at(
-        lambda one: one.shaft.eccentricity, machine, MAGNIFIED * machine.shaft.eccentricity
+        lambda one: one.joint("main").pin.arm.x, linkage, replace_fn=lambda x: MAGNIFIED * x
     )
-    motion = ideal_at_rest(magnified.linkage, ANGLE)
-    elbow = magnified.linkage.joint("elbow").pin
+    motion = ideal_at_rest(magnified, ANGLE)
+    elbow = magnified.joint("elbow").pin
     b, jaw = (np.asarray(one.array()) for one in (motion.position(elbow), motion.axis("jaw")))
     c, s2 = np.zeros(2), np.asarray(motion.centre("jaw").array())
     ends = {"$l_0$": (c, o), "$l_1$": (o, a), "$l_2$": (b, a), "$l_3$": (c, b), "$l_{21}$": (a, s2)}

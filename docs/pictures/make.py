@@ -27,10 +27,10 @@ def main(out: Path = Path("results/pictures")) -> None:
     from jaxcrusher.pictures.film import animate
     from jaxcrusher.pictures.mechanism import DRAWN, plot_mechanism
     from jaxcrusher.pictures.plots import WIDTH
-    from jaxcrusher.scenes.build import build_machine
+    from jaxcrusher.scenes.build import build_linkage
 
     folder = results_folder(out)
-    write_figure(folder / "geometry.png", plot_geometry(build_machine({})), dpi=90)
+    write_figure(folder / "geometry.png", plot_geometry(build_linkage({})), dpi=90)
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
     motion = jc.simulate(scene, 2 * np.pi / 30 * np.arange(36) / 36, outputs=DRAWN, rtol=1e-9)
     fig, ax = plt.subplots(figsize=(WIDTH, 5.4), layout="constrained")
@@ -77,7 +77,7 @@ def bearings() -> Figure:
     import numpy as np
 
     import jaxcrusher as jc
-    from jaxcrusher.crusher.observables import bearing_stiffness
+    from jaxcrusher.mechanism.observables import bearing_stiffness
     from jaxcrusher.pictures.plots import WIDTH
 
     fig, (stiff, settling) = plt.subplots(1, 2, figsize=(WIDTH, 3.4), layout="constrained")

@@ -7,7 +7,7 @@ program of its own numbers, and knows neither its neighbours nor how many there 
 import contextlib
 import itertools
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from jaxcrusher.basics.checks import require, require_names, require_whole
+from jaxcrusher.basics.checks import require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.cluster import Result, workers
 from jaxcrusher.batch.engines import (
@@ -34,11 +34,10 @@ from jaxcrusher.batch.engines import (
 )
 from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import Layout, chunk_shape, opened
-from jaxcrusher.crusher.statistics_table import ALWAYS, STATISTICS
+from jaxcrusher.crusher.template import ALWAYS
 from jaxcrusher.files.provenance import environment, now
 from jaxcrusher.files.provenance import machine as computer
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.reductions import Chosen
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import require_tolerance, resolve
@@ -132,16 +131,14 @@ class Window:
     def __call__(self, scene: AbstractScene) -> dict[str, jax.Array]:
         """Return the values of `columns_of_row` for one design."""
         method = resolve(scene, self.rtol)
-        absent = {*scene.statistics}.difference(scene.own_statistics)
-        own = tuple((name, one) for name, one in self.statistics if name not in absent)
+        own = tuple((name, one) for name, one in self.statistics if name in scene.statistics)
         found = over_turns(scene, None, self.settle_turns, self.turns, own, method)
         return row_of(found, [name for name, _ in own], limited_joints(scene))
 
     def settings(self) -> dict[str, Any]:
         """Return what decides the values, as JSON keeps it."""
         window = {"settle_turns": self.settle_turns, "turns": self.turns, "rtol": self.rtol}
-        known = {*STATISTICS, *itertools.chain(*ALWAYS.values())}
-        added = {name: one.meaning for name, one in self.statistics if name not in known}
+        added = {name: one.meaning for name, one in self.statistics if name not in ALWAYS}
         return window | ({"further statistics": added} if added else {})
 
 
@@ -258,50 +255,48 @@ def plan(
     engine = engine or default_engine(at_once)
     designs = designs or chunk_of(at_once, engine)
     scenes = [grid.scene(alike[0]) for _, alike in grid.alike()]
-    require_names("outputs", outputs, tuple(scenes[0].statistics))
+    known = itertools.chain(*(scene.statistics for scene in scenes))
+    require_names("outputs", outputs, tuple(dict.fromkeys(known)))
     entries, joints = {}, {}
     for scene in scenes:
-        asked = [name for name in outputs if name in scene.own_statistics]
+        asked = [name for name in outputs if name in scene.statistics]
         entries |= scene.entries((*scene.usual_statistics, *asked))
-        joints |= dict.fromkeys(limited_joints(scene))
-    for name in outputs:
-        require(name in entries, "outputs", "name statistics that these designs have", name)
+        joints |= limited_joints(scene)
     window = Window(settle_turns, turns, float(rtol), tuple(entries.items()))
-    columns = columns_of_row(tuple(joints), window.statistics)
+    columns = columns_of_row(joints, window.statistics)
     layout = Layout(grid, columns, chunk_shape(grid, designs))
     return Ensemble(layout, window, engine)
 
 
-def limited_joints(scene: AbstractScene) -> tuple[str, ...]:
-    """Return the joints whose limits stand in a row: a main one, also if ideal, and loose ones."""
-    main = ("main",) if "main" in scene.linkage.joints.names else ()
-    return tuple(dict.fromkeys((*main, *scene.joints.names)))
+def limited_joints(scene: AbstractScene) -> dict[str, str]:
+    """Return the joints whose limits stand in a row, each with the prefix of its names."""
+    return {joint: scene.prefix(joint) for joint in scene.watched}
 
 
-def columns_of_row(joints: Sequence[str], statistics: Chosen) -> dict[str, Column]:
+def columns_of_row(joints: Mapping[str, str], statistics: Chosen) -> dict[str, Column]:
     """Return the columns of `row_of`."""
     found = columns_of(dict(statistics), (name for name, _ in statistics))
     found |= {
         f"{name}_error": Column(one.unit, f"error of the {one.meaning}")
         for name, one in found.items()
     }
-    for joint in joints:
-        at = f", {joint}" if before(joint) else ""
+    for joint, prefix in joints.items():
+        at = f", {joint}" if prefix else ""
         for name in _LIMITS:
             one = COLUMNS[name]
-            found[before(joint) + name] = one._replace(meaning=one.meaning + at)
+            found[prefix + name] = one._replace(meaning=one.meaning + at)
     return found | {name: COLUMNS[name] for name in _MOTION}
 
 
 def row_of(
-    result: Statistics, statistics: Sequence[str], joints: Iterable[str]
+    result: Statistics, statistics: Sequence[str], joints: Mapping[str, str]
 ) -> dict[str, jax.Array]:
     """Return the values of one design; an ideal joint is inside the limits of contact."""
     limits = {"main": result.validity, **result.validity.others}
     row = {name: result[name] for name in statistics}
-    for joint, name in itertools.product(joints, _LIMITS):
+    for (joint, prefix), name in itertools.product(joints.items(), _LIMITS):
         value = getattr(limits[joint], name)
-        row[before(joint) + name] = jnp.full((), jnp.nan) if value is None else value
+        row[prefix + name] = jnp.full((), jnp.nan) if value is None else value
     errors = {f"{name}_error": result.error(name) for name in statistics}
     motion = {
         "settled": result.settled,

@@ -1,4 +1,4 @@
-"""`python -m jaxcrusher bearing`: what the bearings of a crusher stand, side by side."""
+"""`python -m jaxcrusher bearing`: what the bearings of a machine stand, side by side."""
 
 import itertools
 from collections.abc import Iterable, Sequence
@@ -13,13 +13,12 @@ from jaxcrusher.basics.checks import require_positive
 from jaxcrusher.commands.crushers import (
     bounds,
     read_axes,
-    read_crusher,
+    read_machine,
     settings_of,
     variants_of,
     write_dataset,
 )
 from jaxcrusher.commands.options import Bearing
-from jaxcrusher.crusher.machine import LETTERS
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
@@ -37,6 +36,7 @@ from jaxcrusher.motion.bearing_sheet import (
     NUMBERS,
     SHAKING,
     bearing_sheet,
+    bearings_of,
     outputs_of,
     shaking_rms,
 )
@@ -56,15 +56,17 @@ def run(options: Bearing, console: Console) -> int:
     """Run, print, write; 1 if a run failed. ValueError for bad options."""
     require_positive("seconds", options.seconds, "s")
     require_turns(options.settle, options.turns)
-    machine = read_crusher(options.crusher)
+    machine = read_machine(options.crusher)
     axes = read_axes(options.over) if options.over else {}
     values, units = machine.values, machine.units | units_of(bounds(options.over))
     designs = [dict(zip(axes, point, strict=True)) for point in itertools.product(*axes.values())]
     for design in designs:
         machine.replace(**design).unusual()
     scenes = [machine.scene(**design) for design in designs]
+    first, *_ = bearings_of(scenes[0], options.joint)
     numbers = {name: getattr(options, name) for name in ("settle", "turns", "seconds")}
-    settings = settings_of("bearing", values, over=axes, **numbers, **machine.structure.record)
+    numbers |= {"joint": first, **machine.structure.record}
+    settings = settings_of("bearing", values, over=axes, **numbers)
     folder = begin_beside(options.results.folder, settings, "bearing.csv")
 
     def ended(cases: Sequence[tuple[str, AbstractScene]]) -> dict[int, tuple[str, Turns]]:
@@ -74,7 +76,9 @@ def run(options: Bearing, console: Console) -> int:
         for title, scene in cases:
             with stages(console, title or "turns"):
                 seconds = options.seconds / (2 * len(cases))
-                runs.append((title, run_turns(scene, outputs_of(scene), seconds=seconds, **how)))
+                runs.append(
+                    (title, run_turns(scene, outputs_of(scene, first), seconds=seconds, **how))
+                )
         for title, run in runs:
             if run.failure:
                 console.print(f"FAILED{', ' * bool(title)}{title}: {run.failure}", style="red")
@@ -86,37 +90,40 @@ def run(options: Bearing, console: Console) -> int:
         return 1
     found = list(by_place.values())
     status = int(len(found) < len(scenes))
-    kept = dataset(found, values)
+    kept = dataset(found, values, first)
     write_dataset(folder / "bearing.csv", kept)
     for joint in kept.bearing.values:
-        console.print(shown(kept.sel(bearing=joint, drop=True), f"bearing {LETTERS[joint]}"))
+        console.print(
+            shown(kept.sel(bearing=joint, drop=True), f"bearing {scenes[0].title(joint)}")
+        )
     turns = ", ".join(f"{one.pieces} after {one.settled}" for _, one in found)
     console.print(
         f"Turns: {turns}. ± is the standard error, of a peak the turns' scatter. {ADVICE}"
     )
-    for line in (*verdicts(kept), *clearances(found)):
+    told = scenes[0].title(first)
+    for line in (*verdicts(kept, first, told), *clearances(found, first)):
         console.print(line)
-    if (lost := float(kept.impacts.sel(bearing="main")[0])) and np.isfinite(lost):
-        place, (first, _) = next(iter(by_place.items()))
+    if (lost := float(kept.impacts.sel(bearing=first)[0])) and np.isfinite(lost):
+        place, (begun, _) = next(iter(by_place.items()))
         variants, refused = variants_of(machine, {**values, **designs[place]}, units)
         for line in refused:
             console.print(line)
         if variants:
             whole = ended(list(variants.items()))
-            beside = dataset([found[0], *whole.values()], values)
+            beside = dataset([found[0], *whole.values()], values, first)
             rests = ["peak_load", "impacts", "impact_speed", "contact_lost"]
-            title = f"bearing A{', ' * bool(first)}{first}: impacts rest on what is assumed"
-            console.print(shown(beside.sel(bearing="main", drop=True), title, rests))
+            title = f"bearing {told}{', ' * bool(begun)}{begun}: impacts rest on what is assumed"
+            console.print(shown(beside.sel(bearing=first, drop=True), title, rests))
             status = max(status, int(len(whole) < len(variants)))
     console.print(listed(folder, ["bearing.csv"]))
     return status
 
 
-def verdicts(kept: xr.Dataset) -> list[str]:
-    """Say of each design whether its main bearing passes a limit."""
+def verdicts(kept: xr.Dataset, joint: str, title: str) -> list[str]:
+    """Say of each design whether the bearing of a joint, which is called so, passes a limit."""
     lines = []
     for design in kept.design.values:
-        one = kept.sel(design=design, bearing="main")
+        one = kept.sel(design=design, bearing=joint)
         passed = [
             words
             for words, beyond in (
@@ -127,15 +134,17 @@ def verdicts(kept: xr.Dataset) -> list[str]:
             )
             if beyond
         ]
-        lines.append(f"Bearing A{', ' * bool(design)}{design}: {'; '.join(passed) or 'no limit'}.")
+        lines.append(
+            f"Bearing {title}{', ' * bool(design)}{design}: {'; '.join(passed) or 'no limit'}."
+        )
     return lines
 
 
-def clearances(found: list[tuple[str, Turns]]) -> list[str]:
-    """Say of which class the clearance of rollers is."""
+def clearances(found: list[tuple[str, Turns]], joint: str) -> list[str]:
+    """Say of which class the clearance of rollers at a joint is."""
     lines = []
     for title, one in found:
-        bearing = one.scene.joints["main"]
+        bearing = one.scene.joints[joint]
         if isinstance(bearing, RollerBearing):
             try:
                 name, told = clearance_class(float(bearing.bore), float(bearing.clearance))
@@ -149,9 +158,9 @@ def clearances(found: list[tuple[str, Turns]]) -> list[str]:
     return [*dict.fromkeys(lines), *([f"Classes of {SOURCE_OF_CLASSES}."] if lines else [])]
 
 
-def dataset(found: list[tuple[str, Turns]], values: dict[str, Any]) -> xr.Dataset:
-    """Return the numbers of each design and bearing."""
-    sheets = [bearing_sheet(one) for _, one in found]
+def dataset(found: list[tuple[str, Turns]], values: dict[str, Any], joint: str) -> xr.Dataset:
+    """Return the numbers of each design and bearing, that of a joint first."""
+    sheets = [bearing_sheet(one, joint) for _, one in found]
     joints = list(sheets[0])
     arrays = {}
     for name in NUMBERS:
@@ -169,7 +178,7 @@ def dataset(found: list[tuple[str, Turns]], values: dict[str, Any]) -> xr.Datase
         arrays,
         COLUMNS,
         {"design": [title for title, _ in found], "bearing": joints},
-        provenance("Bearings of a jaw crusher", scene=values),
+        provenance("Bearings of a mechanism", scene=values),
     )
 
 

@@ -12,7 +12,6 @@ import xarray as xr
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.commands.options import Crusher, Ranges
-from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
 from jaxcrusher.mechanism.scene import AbstractScene
@@ -39,13 +38,6 @@ def read_machine(crusher: Crusher) -> Machine:
     found = jc.read_machine(crusher.scene, crusher.overrides)
     with naming(crusher.scene, found.given):
         tell_about(found, crusher.scene)
-    return found
-
-
-def read_crusher(crusher: Crusher) -> Machine:
-    """Return what is described; ValueError as `read_machine` says, and for another linkage."""
-    found = read_machine(crusher)
-    crusher_of(found.scene())
     return found
 
 

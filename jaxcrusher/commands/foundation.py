@@ -26,7 +26,6 @@ from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json, write_table, write_text
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import digits, with_scatter
-from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.supports import Clamped
@@ -208,13 +207,10 @@ def _speeds(options: Foundation, speed: float) -> tuple[float, float]:
 def quiet(scene: AbstractScene) -> AbstractScene:
     """Return the machine with ideal joints, and without what closes inside it.
 
-    Load and rod, and forces and springs of another linkage, push the frame as they push its
-    bodies, whose motion is given: the ground feels none of them.
+    Forces and springs push the frame as they push its bodies, whose motion is given: the ground
+    feels none of them.
     """
-    inside: dict[str, Any] = {"load": None, "rod": None}
-    if isinstance(scene, LinkageScene):
-        inside = {"pushes": (), "springs": ()}
-    return dataclasses.replace(scene.ideal(), **inside)
+    return dataclasses.replace(scene.ideal(), pushes=(), springs=())
 
 
 def run_up(scene: AbstractScene, speeds: np.ndarray) -> dict[str, np.ndarray]:

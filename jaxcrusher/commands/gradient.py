@@ -70,7 +70,7 @@ def _tell(kept: dict[str, Any], path: str, console: Console) -> int:
 def _check(
     options: Gradient, scene: AbstractScene, metric: str, by: tuple[str, ...], numbers: list[str]
 ) -> None:
-    require_choice("metric", metric, scene.own_statistics)
+    require_choice("metric", metric, tuple(scene.statistics))
     require(len(set(by)) == len(by), "by", "name parameters, each once", " ".join(by))
     for name in by:
         require_continuous("by", name)

@@ -240,21 +240,23 @@ class Foundation:
 
 @dataclass(frozen=True)
 class Bearing:
-    """What the bearings of a crusher stand: loads, life, safety, impacts, side by side.
+    """What the bearings of a machine stand: loads, life, safety, impacts, side by side.
 
     Of a run: every number has its scatter. Where contact is lost, the same with half and with
     twice what was assumed of damping and of the load's edge. Writes OUT/NAME/bearing.csv. Some
-    seconds a crusher, and ten of compilation.
+    seconds a machine, and ten of compilation.
     """
 
     crusher: Crusher = field(default_factory=Crusher)
     over: Ranges = ()
     """A parameter, its range and a count, as in --over speed 200 220rpm 2 or --over clearance 0.2
-    "0.35 mm" 2; a column for each crusher of the grid."""
+    "0.35 mm" 2; a column for each machine of the grid."""
     settle: int = 20
     """Turns of the shaft before those that count."""
     turns: int = 40
     """Turns that count, in steps of five."""
+    joint: str | None = None
+    """The joint to look at first: of a crusher main, of another linkage its only loose one."""
     seconds: float = 40.0
     """Time that all runs may take; the table says how many turns they had."""
     results: Results = field(default_factory=lambda: Results("bearing"))

@@ -27,7 +27,6 @@ from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json
 from jaxcrusher.files.resume import begin_beside
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.orbits.result import PeriodicOrbit
@@ -117,7 +116,7 @@ def slopes_of(
 def history(orbit: PeriodicOrbit) -> xr.Dataset:
     """Return all observables over the angle of the shaft."""
     degrees = np.arange(360 * orbit.period + 1)
-    seen = orbit.motion(np.radians(degrees), orbit.scene.own_observables)
+    seen = orbit.motion(np.radians(degrees))
     values = {name: np.asarray(column) for name, column in seen.items()}
     angle = ("angle", degrees, {"units": "deg", "long_name": "shaft angle at mean speed"})
     coordinates = {"angle": angle, "direction": ["x", "y"]}
@@ -128,7 +127,7 @@ def history(orbit: PeriodicOrbit) -> xr.Dataset:
 def draw(orbit: PeriodicOrbit, path: Path) -> None:
     """Each pin in its bore, and the force on the foundation beside that of ideal joints."""
     angles = 2 * np.pi * np.arange(ANGLES * orbit.period + 1) / ANGLES
-    names = [f"{before(joint)}eccentricity" for joint in orbit.scene.joints.names]
+    names = [f"{orbit.scene.prefix(joint)}eccentricity" for joint in orbit.scene.joints.names]
     shown = leading_force(orbit.scene)
     seen = orbit.motion(angles, (shown, *names))
     ideal = jc.periodic_orbit(orbit.scene.ideal()).motion(angles, (shown,))

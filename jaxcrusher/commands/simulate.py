@@ -23,7 +23,6 @@ from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import Column, vector_columns
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.simulation import Trajectory, leading_force
@@ -146,7 +145,7 @@ def draw(
 ) -> Figure:
     """An orbit for each joint with clearance, and the leading force, at the instants `drawn`."""
     shown, joints = leading_force(scene), scene.joints.names
-    names = (shown, *(f"{before(joint)}eccentricity" for joint in joints))
+    names = (shown, *(f"{scene.prefix(joint)}eccentricity" for joint in joints))
     seen = {name: motion[name][drawn] for name in names}
     part = Trajectory(motion.time[drawn], motion.outcome, seen)
     fig, ax = plots.pins_and_force(scene, part)
@@ -187,10 +186,9 @@ def closing(
 
     def contact(share: Callable[[str], Any]) -> list[str]:
         """Say the share of time in contact of each loose joint; `share` is by its prefix."""
-        prefixes = [before(joint) for joint in scene.joints.names]
-        titles = [prefix.replace("_", " ") for prefix in prefixes]
-        pairs = zip(titles, prefixes, strict=True)
-        return [f"{title}contact share {float(share(of)):.3f}" for title, of in pairs]
+        pairs = {joint: scene.prefix(joint) for joint in scene.joints.names}
+        of = {f"{joint} " if at else "": at for joint, at in pairs.items()}
+        return [f"{joint}contact share {float(share(at)):.3f}" for joint, at in of.items()]
 
     if summary is None:
         parts = []

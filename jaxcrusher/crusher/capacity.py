@@ -9,7 +9,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.basics.record import Printed
-from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.mechanism.linkage import Linkage
 from jaxcrusher.mechanism.motion import ideal_at_rest
 
 Values = Float[Array, "*shape"]
@@ -58,9 +58,8 @@ class CrushingChamber(Printed):
         return self.capacity(1.0) / floor
 
 
-def lower_end(angle: Scalar, machine: Machine) -> Scalar:
+def lower_end(angle: Scalar, linkage: Linkage) -> Scalar:
     """How far right of C the jaw's end B is (m) at an angle of the shaft (rad); ideal joint."""
-    linkage = machine.linkage
     return ideal_at_rest(linkage, angle).position(linkage.joint("elbow").pin).x
 
 
@@ -83,26 +82,25 @@ def stationary(travel: Callable[..., Scalar], angle: Scalar, *numbers: PyTree) -
     return end - (left - jax.lax.stop_gradient(left)) / bend(end)
 
 
-def stroke_ratio(machine: Machine) -> Scalar:
+def stroke_ratio(linkage: Linkage) -> Scalar:
     """Return the vertical over the horizontal travel of the jaw's lower end over a turn.
 
     By 720 angles, to some 1e-5. What grinds the jaws grows with it.
     """
-    linkage = machine.linkage
     pin = linkage.joint("elbow").pin
     angles = jnp.linspace(0, 2 * jnp.pi, 10 * ANGLES, endpoint=False)
     places = jax.vmap(lambda angle: ideal_at_rest(linkage, angle).position(pin))(angles)
     return jnp.ptp(places.y) / jnp.ptp(places.x)
 
 
-def stroke(machine: Machine) -> Scalar:
+def stroke(linkage: Linkage) -> Scalar:
     """s, the horizontal travel of the jaw's lower end B over a turn (m); ideal joint.
 
     To rounding, with first and second derivatives.
     """
     angles = jnp.linspace(0, 2 * jnp.pi, ANGLES, endpoint=False)
-    travel = jax.vmap(lower_end, (0, None))(angles, jax.lax.stop_gradient(machine))
+    travel = jax.vmap(lower_end, (0, None))(angles, jax.lax.stop_gradient(linkage))
     ends = angles[jnp.stack([jnp.argmax(travel), jnp.argmin(travel)])]
-    ends = jax.vmap(lambda end: stationary(lower_end, end, machine))(ends)
-    right, left = jax.vmap(lower_end, (0, None))(ends, machine)
+    ends = jax.vmap(lambda end: stationary(lower_end, end, linkage))(ends)
+    right, left = jax.vmap(lower_end, (0, None))(ends, linkage)
     return right - left

@@ -14,7 +14,6 @@ power.
 
 import abc
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -26,9 +25,10 @@ from jaxcrusher.basics import smooth
 from jaxcrusher.basics.checks import nan_unless, primal, require
 from jaxcrusher.basics.periodic_spline import PeriodicSeries, PeriodicSpline
 from jaxcrusher.basics.plane import Arm, Vector, direction, optional_scalar, scalar
-from jaxcrusher.basics.record import Printed, Record
+from jaxcrusher.basics.record import Record
 from jaxcrusher.crusher.capacity import ANGLES, stationary
-from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.machine import lengths_of
+from jaxcrusher.mechanism.acting import AbstractPush
 from jaxcrusher.mechanism.linkage import Linkage, Point
 from jaxcrusher.mechanism.motion import Motion, ideal_at_rest
 
@@ -96,16 +96,23 @@ class JawForce(Record):
     along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
 
 
-class AbstractLoad(Printed):
+class AbstractLoad(AbstractPush):
     """A force on the jaw."""
 
     @abc.abstractmethod
     def force(self, jaw: JawMotion) -> JawForce:
         """Return the force (N) on a jaw that moves so, and where it acts."""
 
-    def steady(self) -> "AbstractLoad":
-        """Return the load that repeats with the shaft's turn: this one, or the mean of this one."""
-        return self
+    @property
+    def body(self) -> str:
+        """Return the name of the body that is pushed."""
+        return "jaw"
+
+    def action(self, motion: Motion) -> tuple[Point, Vector]:
+        """Return the point of the jaw at which the load acts, and its force, N."""
+        jaw = JawMotion(motion)
+        load = self.force(jaw)
+        return jaw.point(load.along), load.force
 
 
 def along_jaw(jaw: JawMotion) -> Vector:
@@ -252,7 +259,7 @@ class CrushingBed(AbstractLoad):
 
 
 def crushing_bed(
-    machine: Machine, length, height, discharge, nip_angle, modulus, exponent
+    linkage: Linkage, length, height, discharge, nip_angle, modulus, exponent
 ) -> CrushingBed:
     """Return the bed between the jaws of a machine.
 
@@ -260,22 +267,22 @@ def crushing_bed(
     wide at B and wider upwards by the tangent of `nip_angle` (rad). Raises ValueError for one that
     the jaw would press to nothing; one that is only known to `jax.jit` is NaN.
     """
-    half = height / 2
-    along = machine.jaw.length - half * (1 - _PLACES)
-    widths = discharge + (machine.jaw.length - along) * jnp.tan(nip_angle)
-    towards = -_ideal(machine, jnp.zeros(())).away
+    half, jaw_length = height / 2, lengths_of(linkage)["jaw.length"]
+    along = jaw_length - half * (1 - _PLACES)
+    widths = discharge + (jaw_length - along) * jnp.tan(nip_angle)
+    towards = -_ideal(linkage, jnp.zeros(())).away
 
-    def reach(angle: Scalar, at: Array, machine: Machine, towards: Vector) -> Array:
-        return _reach(_ideal(machine, angle), at, towards)
+    def reach(angle: Scalar, at: Array, linkage: Linkage, towards: Vector) -> Array:
+        return _reach(_ideal(linkage, angle), at, towards)
 
     angles = jnp.linspace(0, 2 * jnp.pi, ANGLES, endpoint=False)
-    held = jax.lax.stop_gradient((along, machine, towards))
+    held = jax.lax.stop_gradient((along, linkage, towards))
     seen = jax.vmap(lambda angle: reach(angle, *held))(angles)
     near = angles[jnp.argmin(seen, axis=0)]
-    furthest = jax.vmap(lambda angle, at: stationary(reach, angle, at, machine, towards))(
+    furthest = jax.vmap(lambda angle, at: stationary(reach, angle, at, linkage, towards))(
         near, along
     )
-    at_rest = jax.vmap(reach, (0, 0, None, None))(furthest, along, machine, towards)
+    at_rest = jax.vmap(reach, (0, 0, None, None))(furthest, along, linkage, towards)
     left = widths - (jnp.max(seen, axis=0) - at_rest)
     known, opening = primal(left), primal(discharge)
     if known is None or opening is None:
@@ -287,9 +294,9 @@ def crushing_bed(
     return CrushingBed(along, areas, widths, at_rest, towards, modulus, exponent)
 
 
-def _ideal(machine: Machine, angle: Scalar) -> JawMotion:
+def _ideal(linkage: Linkage, angle: Scalar) -> JawMotion:
     """Return the jaw at an angle of the shaft (rad), ideal joints at rest."""
-    return JawMotion(ideal_at_rest(machine.linkage, angle))
+    return JawMotion(ideal_at_rest(linkage, angle))
 
 
 def _reach(jaw: JawMotion, along: Array, towards: Vector) -> Array:
@@ -300,61 +307,3 @@ def _reach(jaw: JawMotion, along: Array, towards: Vector) -> Array:
 def _speed(jaw: JawMotion, along: Array, towards: Vector) -> Array:
     """Return how fast points of the jaw come towards the fixed jaw, m/s."""
     return jaw.velocity(0.0).dot(towards) - along * jaw.spin * jaw.axis.perp().dot(towards)
-
-
-# Cosines of the wave of a rough feed.
-COSINES = 64
-
-
-class RoughFeed(AbstractLoad):
-    """A load that no two strokes have alike: any other one times 1 + s w, with the scatter s.
-
-    w has a mean of 0, a variance of 1, and a flat spectrum from order 0 to the bandwidth, in
-    multiples of the shaft's speed: sqrt(2 / K) sum of K cosines of order nu_k and phase phi_k.
-    Shinozuka and Jan, J. Sound Vib. 25, 1972. Each order lies at random in a K-th of the band, as
-    equal steps would repeat the wave after some turns.
-    """
-
-    load: AbstractLoad  # the mean
-    scatter: Scalar = eqx.field(converter=scalar)  # s
-    bandwidth: Scalar = eqx.field(converter=scalar)  # largest order
-    places: Float[Array, " cosines"]  # nu_k / bandwidth
-    phases: Float[Array, " cosines"]  # rad
-
-    def steady(self) -> AbstractLoad:
-        """Return the mean load."""
-        return self.load
-
-    def force(self, jaw: JawMotion) -> JawForce:
-        """The mean load's, times 1 + s w."""
-        return _times(1 + self.scatter * self.wave(jaw.turned), self.load.force(jaw))
-
-    def wave(self, angle: Scalar) -> Scalar:
-        """Return w at an angle that the shaft has turned by since time zero, rad."""
-        turned = self.places * (self.bandwidth * angle) + self.phases
-        return np.sqrt(2 / len(self.phases)) * jnp.sum(jnp.cos(turned))
-
-
-class Multiplied(AbstractLoad):
-    """A load times a number."""
-
-    load: AbstractLoad
-    factor: Scalar = eqx.field(converter=scalar)
-
-    def force(self, jaw: JawMotion) -> JawForce:
-        """The load's, times the factor."""
-        return _times(self.factor, self.load.force(jaw))
-
-
-def _times(factor: Scalar, one: JawForce) -> JawForce:
-    return JawForce(factor * one.force, one.along)
-
-
-def rough_feed(load: AbstractLoad, scatter: Any, bandwidth: Any, seed: Any) -> RoughFeed:
-    """Return a load with a wave of its own for each `seed`, a whole number that may be traced."""
-    keys = jax.random.split(jax.random.key(jnp.asarray(seed).astype(jnp.uint32)))
-    random = [jax.random.uniform(key, (COSINES,), float) for key in keys]
-    places, phases = (jnp.arange(COSINES, dtype=float) + random[0]) / COSINES, 2 * np.pi * random[1]
-    # A seed of NaN, which lies outside its limits, would be taken for 0.
-    phases = nan_unless(jnp.isfinite(seed), phases)
-    return RoughFeed(load, scatter, bandwidth, places, phases)

@@ -4,13 +4,13 @@ Origin at the toggle plate's frame pivot C, x to the right, y up. The main beari
 O, the shaft's eccentric pin at A_shaft, the jaw's bearing at A_jaw, the elbow at B.
 """
 
-import equinox as eqx
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import primal, require, require_positive
 from jaxcrusher.basics.plane import Arm, Vector, arm_to, scalar
-from jaxcrusher.basics.record import Record
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME
@@ -22,109 +22,95 @@ LETTERS = {"main": "A", "elbow": "B", "pivot": "C", "shaft_bearing": "O"}
 JOINTS = tuple(LETTERS)
 
 
-class Shaft(Record):
-    """The eccentric shaft, turning about O.
+def crusher_linkage(
+    shaft: Body,
+    jaw: Body,
+    toggle: Body,
+    *,
+    eccentricity: Scalar,
+    jaw_length: Scalar,
+    toggle_length: Scalar,
+    bearing: Vector,
+    gravity: Scalar | float = 9.81,
+    elbow_side: int = -1,
+) -> Linkage:
+    """Return the linkage of a single-toggle jaw crusher: three bodies on a frame.
 
-    `mass_centre` is S1 relative to O in the shaft's axes: x along O-A, y 90 deg ahead.
+    **Arguments:**
+
+    - `shaft`: the eccentric shaft about O; its x axis is that of O-A.
+    - `jaw`: the moving jaw about A; its x axis is that of B-A.
+    - `toggle`: the toggle (elbow) plate about C; its x axis is that of C-B.
+    - `eccentricity`, `jaw_length`, `toggle_length`: O-A (l1), A-B (l2) and B-C (l3), m.
+    - `bearing`: O, m.
+    - `gravity`: m/s2.
+    - `elbow_side`: which side of the line C-A the elbow B lies on: -1 right, +1 left.
+
+    Raises ValueError as `require_crusher` and `Linkage` do.
     """
+    arm = Arm(scalar(eccentricity))
+    joints = {
+        "main": Joint(bore=Point("jaw"), pin=Point("shaft", arm)),
+        "elbow": Joint(Point("jaw", Arm(-jaw_length)), Point("toggle", Arm(toggle_length))),
+        "pivot": Joint(bore=Point(FRAME), pin=Point("toggle")),
+        "shaft_bearing": Joint(bore=Point(FRAME, arm_to(bearing)), pin=Point("shaft")),
+    }
+    bodies = {"shaft": shaft, "toggle": toggle, "jaw": jaw}
+    _require_bodies(bodies)
+    at = "shaft", "shaft_bearing"
+    found = Linkage(Named(bodies), Named(joints), *at, (elbow_side,), scalar(gravity))
+    require_crusher(found)
+    return found
 
-    mass: Scalar = eqx.field(converter=scalar)  # m1, kg
-    inertia: Scalar = eqx.field(converter=scalar)  # J1 about S1, kg m2
-    eccentricity: Scalar = eqx.field(converter=scalar)  # l1, m
-    mass_centre: Vector  # m
+
+def lengths_of(linkage: Linkage) -> dict[str, Scalar]:
+    """Return l1, l2 and l3 of a crusher, m, by their names in a description."""
+    main, elbow = linkage.joint("main"), linkage.joint("elbow")
+    return {
+        "shaft.eccentricity": main.pin.arm.vector().x,
+        "jaw.length": -elbow.bore.arm.vector().x,
+        "toggle.length": elbow.pin.arm.vector().x,
+    }
 
 
-class Jaw(Record):
-    """The moving jaw from B to A.
+def _require_bodies(bodies: Mapping[str, Body]) -> None:
+    for name, body in bodies.items():
+        require_positive(f"{name}.mass", body.mass, "kg")
+        require_positive(f"{name}.inertia", body.inertia, "kg m2")
 
-    `mass_centre` is S2 relative to A in the jaw's axes: x along B-A, y 90 deg ahead.
+
+def require_crusher(linkage: Linkage, clearance: Scalar | float = 0.0) -> None:
+    """Check masses and lengths, and that the links close with room to spare at every angle.
+
+    The distance C-A runs over |O| -+ (l1 + clearance), with all clearances at once; the toggle and
+    the jaw lie in one line (a dead point) where it reaches l2 + l3 or |l2 - l3|. Raises ValueError
+    (concrete values only).
     """
-
-    mass: Scalar = eqx.field(converter=scalar)  # m2, kg
-    inertia: Scalar = eqx.field(converter=scalar)  # J2 about S2, kg m2
-    length: Scalar = eqx.field(converter=scalar)  # l2, m
-    mass_centre: Vector  # m
-
-
-class Toggle(Record):
-    """The toggle (elbow) plate from C to B; its mass centre S3 lies in its middle."""
-
-    mass: Scalar = eqx.field(converter=scalar)  # m3, kg
-    inertia: Scalar = eqx.field(converter=scalar)  # J3 about S3, kg m2
-    length: Scalar = eqx.field(converter=scalar)  # l3, m
-
-
-class Machine(Record):
-    """A single-toggle jaw crusher: three bodies on a frame.
-
-    Raises ValueError (concrete values only) for a mass, inertia or length that is not
-    positive, and for links that cannot assemble or pass a dead point within a turn.
-    """
-
-    shaft: Shaft
-    jaw: Jaw
-    toggle: Toggle
-    bearing: Vector  # O, m
-    gravity: Scalar = eqx.field(converter=scalar, default=9.81)  # m/s2
-    # Which side of the line C-A the elbow B lies on: -1 right, +1 left.
-    elbow_side: int = eqx.field(static=True, default=-1)
-
-    def __check_init__(self):
-        for name, body in (("shaft", self.shaft), ("jaw", self.jaw), ("toggle", self.toggle)):
-            require_positive(f"{name}.mass", body.mass, "kg")
-            require_positive(f"{name}.inertia", body.inertia, "kg m2")
-        require_positive("shaft.eccentricity", self.shaft.eccentricity, "m")
-        require_positive("jaw.length", self.jaw.length, "m")
-        require_positive("toggle.length", self.toggle.length, "m")
-        require(self.elbow_side in (-1, 1), "elbow_side", "be -1 or 1", self.elbow_side)
-        self.require_assembly(0.0)
-
-    @property
-    def linkage(self) -> Linkage:
-        """Return bodies and joints; the jaw's axis is that of B-A, the toggle's that of C-B."""
-        shaft, jaw, toggle = self.shaft, self.jaw, self.toggle
-        bodies = {
-            "shaft": Body(shaft.mass, shaft.inertia, arm_to(shaft.mass_centre)),
-            "toggle": Body(toggle.mass, toggle.inertia, Arm(toggle.length / 2)),
-            "jaw": Body(jaw.mass, jaw.inertia, arm_to(jaw.mass_centre)),
-        }
-        throw, lower = Point("shaft", Arm(shaft.eccentricity)), Point("jaw", Arm(-jaw.length))
-        joints = {
-            "main": Joint(bore=Point("jaw"), pin=throw),
-            "elbow": Joint(bore=lower, pin=Point("toggle", Arm(toggle.length))),
-            "pivot": Joint(bore=Point(FRAME), pin=Point("toggle")),
-            "shaft_bearing": Joint(bore=Point(FRAME, arm_to(self.bearing)), pin=Point("shaft")),
-        }
-        at = "shaft", "shaft_bearing"
-        return Linkage(Named(bodies), Named(joints), *at, (self.elbow_side,), self.gravity)
-
-    def require_assembly(self, clearance) -> None:
-        """Check that the linkage closes with room to spare for every shaft angle.
-
-        The distance C-A runs over |O| -+ (l1 + clearance); the toggle and the jaw lie in
-        one line (a dead point) where it reaches l2 + l3 or |l2 - l3|.
-        """
-        links = (self.bearing.x, self.bearing.y, self.shaft.eccentricity, self.jaw.length)
-        known = [primal(v) for v in (*links, self.toggle.length, clearance)]
-        if any(value is None for value in known):
-            return
-        x, y, l1, l2, l3, c = (np.asarray(value, dtype=float) for value in known)
-        nearest, farthest = np.hypot(x, y) - l1 - c, np.hypot(x, y) + l1 + c
-        good = bool(np.all((nearest > abs(l2 - l3)) & (farthest < l2 + l3)))
-        require(
-            good,
-            "jaw.length`, `toggle.length` and `bearing.distance",
-            "let the links close in every turn: the distance, less and plus shaft.eccentricity and "
-            f"clearance, must stay between {1e3 * abs(l2 - l3).max():g} mm, jaw less toggle, and "
-            f"{1e3 * (l2 + l3).min():g} mm, jaw plus toggle",
-            f"{1e3 * nearest.min():g} to {1e3 * farthest.max():g} mm",
-        )
+    _require_bodies(dict(linkage.bodies.items()))
+    lengths, place = lengths_of(linkage), linkage.joint("shaft_bearing").bore.arm.vector()
+    for name, length in lengths.items():
+        require_positive(name, length, "m")
+    known = [primal(value) for value in (*lengths.values(), place.x, place.y, clearance)]
+    if any(value is None for value in known):
+        return
+    l1, l2, l3, x, y, c = (np.asarray(value, dtype=float) for value in known)
+    nearest, farthest = np.hypot(x, y) - l1 - c, np.hypot(x, y) + l1 + c
+    good = bool(np.all((nearest > abs(l2 - l3)) & (farthest < l2 + l3)))
+    require(
+        good,
+        "jaw.length`, `toggle.length` and `bearing.distance",
+        "let the links close in every turn: the distance, less and plus shaft.eccentricity and "
+        f"clearance, must stay between {1e3 * abs(l2 - l3).max():g} mm, jaw less toggle, and "
+        f"{1e3 * (l2 + l3).min():g} mm, jaw plus toggle",
+        f"{1e3 * nearest.min():g} to {1e3 * farthest.max():g} mm",
+    )
 
 
-def with_counterweight(shaft: Shaft, mass, position: Vector) -> Shaft:
+def with_counterweight(shaft: Body, mass: Scalar | float, position: Vector) -> Body:
     """The shaft with a point mass (kg) at `position` (m), in the shaft's axes about O."""
+    before = shaft.mass_centre.vector()
     total = shaft.mass + scalar(mass)
-    centre = (shaft.mass * shaft.mass_centre + mass * position) / total
-    apart = position - shaft.mass_centre
+    centre = (shaft.mass * before + mass * position) / total
+    apart = position - before
     inertia = shaft.inertia + shaft.mass * mass / total * apart.dot(apart)
-    return Shaft(total, inertia, shaft.eccentricity, centre)
+    return Body(total, inertia, arm_to(centre))

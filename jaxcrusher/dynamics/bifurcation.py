@@ -13,8 +13,6 @@ from jaxtyping import Array, ArrayLike
 from jaxcrusher.basics.checks import require, require_choice, require_untraced, require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all, stack
-from jaxcrusher.crusher.scene import crusher_of
-from jaxcrusher.crusher.statistics_table import STATISTIC
 from jaxcrusher.dynamics.regime import LEAST_TURNS, NOISE
 from jaxcrusher.files.table import COLUMNS, columns_of, dataset
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
@@ -48,8 +46,8 @@ def bifurcation(
 
     **Arguments:**
 
-    - `machine`: a crusher with clearance and constant speed, as
-      `jaxcrusher.paper_machine(start="contact")`, or a function of your own that makes one.
+    - `machine`: one with clearance and constant speed, as
+      `jaxcrusher.paper_machine(start="contact")`, or a function of your own that makes its scenes.
     - `name`: of the number that varies, such as "speed".
     - `values`: shape (n,), increasing.
     - `direction`: `"up"` and `"down"` begin each value with the state that the last one ended
@@ -61,13 +59,12 @@ def bifurcation(
       all values.
 
     **Returns:** an `xarray.Dataset`: `e_x`, `e_y` (clearances), `rate_x`, `rate_y` (m/s) and
-    `foundation_rms` (of the turn, N) with dims `value` and `turn`; `success`, `whirl`, `settled`
-    (points that repeat, or whose spread has no trend) and `period` (turns, up to 32, 0 for none)
-    with dim `value`. Points of a failed or whirling value are NaN. A whirl is handed on; after a
-    failure the next value begins with its scene's start.
+    the leading statistic of the turn (of a crusher `foundation_rms`, N) with dims `value` and
+    `turn`; `success`, `whirl`, `settled` (points that repeat, or whose spread has no trend) and
+    `period` (turns, up to 32, 0 for none) with dim `value`. Points of a failed or whirling value
+    are NaN. A whirl is handed on; after a failure the next value begins with its scene's start.
 
-    Raises ValueError for arguments out of range, for another linkage than a crusher, and as
-    `poincare_section` does.
+    Raises ValueError for arguments out of range, and as `poincare_section` does.
     """
     require_set_up()
     machine = machine_of(machine)
@@ -78,7 +75,7 @@ def bifurcation(
     numbers = np.asarray(values, dtype=float)
     good = numbers.ndim == 1 and numbers.size > 0 and bool((np.diff(numbers) > 0).all())
     require(good, "values", "have shape (n,), n > 0, and increase", values)
-    scenes = [crusher_of(machine.scene(**{name: float(number)})) for number in numbers]
+    scenes = [machine.scene(**{name: float(number)}) for number in numbers]
     moves = all(
         isinstance(one.formulation, EccentricityFormulation) and not one.is_ideal for one in scenes
     )
@@ -87,20 +84,22 @@ def bifurcation(
     count, rows = len(scenes), [{}] * len(numbers)
     if direction == "cold":
         found = jax.tree.map(jnp.asarray, run_all(run, stack(scenes), progress=progress))
-        rows = [_row(jax.tree.map(lambda leaf, i=i: leaf[i], found), rtol) for i in range(count)]
+        each = (jax.tree.map(lambda leaf, i=i: leaf[i], found) for i in range(count))
+        rows = [_row(one, scenes[0].leading, rtol) for one in each]
     else:
         order = range(count) if direction == "up" else range(count - 1, -1, -1)
         state = None
         for done, i in enumerate(order, 1):
             begin = initial_state(scenes[i]) if state is None else state
             found = run(scenes[i], begin)
-            rows[i] = _row(found, rtol)
+            rows[i] = _row(found, scenes[i].leading, rtol)
             state = found.state if rows[i]["success"] else None
             if progress is not None:
                 progress(done, count)
     of = machine.replace(**{name: numbers[0]}).numbers.get(name)
     unit = units or ("1" if of is None else of.unit)
-    return _dataset(numbers, rows, name, unit, direction, settle_turns)
+    leading = columns_of(scenes[0].statistics, (scenes[0].leading,))
+    return _dataset(numbers, rows, leading, name, unit, direction, settle_turns)
 
 
 def _run(
@@ -109,9 +108,9 @@ def _run(
     return poincare_section(scene, settle, turns, state=state, outputs=of_whirl(scene), rtol=rtol)
 
 
-def _row(found: Section, rtol: float) -> dict[str, np.ndarray]:
+def _row(found: Section, leading: str, rtol: float) -> dict[str, np.ndarray]:
     """Return the diagram's row of one value."""
-    states, rms = np.array(found.states), np.array(found["foundation_rms"])
+    states, rms = np.array(found.states), np.array(found[leading])
     success, period, settled = bool(found.success), None, False
     whirl = success and bool(found.statistics.whirl)
     if whirl or not success:
@@ -120,15 +119,14 @@ def _row(found: Section, rtol: float) -> dict[str, np.ndarray]:
         noise = NOISE * rtol
         period = detect_period(states, noise=noise)
         settled = period is not None or not spread_trend(states, noise=noise)[1]
-    row = dict(zip(COORDINATES, states.T, strict=False)) | {"foundation_rms": rms}
+    row = dict(zip(COORDINATES, states.T, strict=False)) | {leading: rms}
     flags = zip(FLAGS, (success, whirl, settled, period or 0), strict=True)
     return row | {key: np.asarray(flag) for key, flag in flags}
 
 
-def _dataset(numbers, rows, name, units, direction, settle_turns) -> xr.Dataset:
+def _dataset(numbers, rows, leading, name, units, direction, settle_turns) -> xr.Dataset:
     kept = {name: COLUMNS[name] for name in COORDINATES}
-    rms = columns_of(STATISTIC, ("foundation_rms",))
-    kept |= {name: column._replace(dims=("turn",)) for name, column in rms.items()}
+    kept |= {name: column._replace(dims=("turn",)) for name, column in leading.items()}
     kept |= {name: COLUMNS[name] for name in FLAGS}
     values = {name: np.stack([row[name] for row in rows]) for name in kept}
     turns = values["e_x"].shape[1]

@@ -162,7 +162,7 @@ def _layout(
     grid: Grid, scenes: list[AbstractScene], slopes: tuple[str, ...], metric: str
 ) -> Layout:
     """Return the columns that all designs have: of an ideal joint there are fewer."""
-    held = set.intersection(*(set(scene.own_statistics) for scene in scenes))
+    held = set.intersection(*(set(scene.statistics) for scene in scenes))
     table = scenes[0].statistics
     columns = columns_of(table, (name for name in table if name in held))
     columns |= {name: COLUMNS[name] for name in (*SEEN, "failure", "found", *MOTION)}

@@ -9,7 +9,6 @@ from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require, require_untraced, require_whole
 from jaxcrusher.basics.integrate import Outcome
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.motion.flow import initial_state, pins_of
@@ -168,7 +167,7 @@ def judged(
 def _orbit_in_contact(scene: AbstractScene, record: Section) -> PeriodicOrbit | None:
     """The stable motion of one turn that the record swings about without leaving contact."""
     kept = all(
-        bool(jnp.all(record.values[f"{before(joint)}contact_fraction"] >= ALL_THE_TIME))
+        bool(jnp.all(record.values[f"{scene.prefix(joint)}contact_fraction"] >= ALL_THE_TIME))
         for joint in scene.joints.names
     )
     if not kept or scene.is_ideal or refusal(scene):
@@ -188,7 +187,7 @@ def _record(scene: AbstractScene, settle_turns: int, turns: int, rtol: float) ->
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, LEAST_TURNS)
     state, steps, seen = initial_state(scene), 0, []
-    contact = (f"{before(joint)}contact_fraction" for joint in scene.joints.names)
+    contact = (f"{scene.prefix(joint)}contact_fraction" for joint in scene.joints.names)
     outputs = tuple(dict.fromkeys((*of_whirl(scene), *contact)))
     for i in range(settle_turns + turns):
         turn = poincare_section(scene, 0, 1, state=state, outputs=outputs, rtol=rtol)

@@ -95,8 +95,8 @@ class Quantities:
 
 def quantities_of(scene: AbstractScene) -> Quantities:
     """Return what a scene shows."""
-    observables = {name: scene.observables[name].unit for name in scene.own_observables}
-    statistics = {name: scene.statistics[name].unit for name in scene.own_statistics}
+    observables = {name: one.unit for name, one in scene.observables.items()}
+    statistics = {name: one.unit for name, one in scene.statistics.items()}
     drive, angles = scene.drive, np.linspace(0, 2 * np.pi, SAMPLES + 1)
     if drive.initial() is None:
         angles = np.asarray(jax.vmap(lambda at: drive.crank(at / drive.speed, None).angle)(angles))

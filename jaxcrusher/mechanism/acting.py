@@ -1,6 +1,7 @@
 """What acts on the bodies of a linkage besides weight and joints: pushes and springs."""
 
 import abc
+import dataclasses
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -8,9 +9,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Scalar
+from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.basics.checks import is_concrete, require
+from jaxcrusher.basics.checks import is_concrete, nan_unless, require
 from jaxcrusher.basics.plane import Vector, optional_scalar, scalar
 from jaxcrusher.basics.record import Printed, Record
 from jaxcrusher.basics.smooth import norm, positive_part, positive_power_integral
@@ -29,11 +30,28 @@ class AbstractPush(Printed):
     cylinder's end, so that it does not shake the ground by itself.
     """
 
-    at: eqx.AbstractVar[Point]
+    @property
+    @abc.abstractmethod
+    def body(self) -> str:
+        """Return the name of the body that is pushed."""
 
     @abc.abstractmethod
-    def force(self, motion: Motion) -> Vector:
-        """Return the force on the body, in the frame's axes, N."""
+    def action(self, motion: Motion) -> tuple[Point, Vector]:
+        """Return the point of the body at which the force acts, and the force, N.
+
+        The force is in the frame's axes; the point may depend on the motion.
+        """
+
+    def steady(self) -> "AbstractPush":
+        """Return the push that repeats with the crank's turn: this one, or the mean of this one.
+
+        Raises ValueError for one that is known not to repeat.
+        """
+        return self
+
+    def later(self, angle: Any) -> "AbstractPush":
+        """Return the push as it is when the crank has turned by some whole turns, in rad."""
+        return self
 
 
 class Push(AbstractPush):
@@ -42,9 +60,14 @@ class Push(AbstractPush):
     at: Point
     given: Vector  # N
 
-    def force(self, motion: Motion) -> Vector:
-        """Return the given force."""
-        return self.given
+    @property
+    def body(self) -> str:
+        """Return the name of the body that is pushed."""
+        return self.at.body
+
+    def action(self, motion: Motion) -> tuple[Point, Vector]:
+        """Return the point and the given force."""
+        return self.at, self.given
 
 
 def _as_module(size: Callable[[Scalar], Scalar]) -> Callable[[Scalar], Scalar]:
@@ -65,10 +88,19 @@ class PushByAngle(AbstractPush):
     def __check_init__(self):
         require_direction(self.along)
 
-    def require_period(self) -> None:
-        """Check that the force repeats with the crank's turn; ValueError (known numbers only)."""
+    @property
+    def body(self) -> str:
+        """Return the name of the body that is pushed."""
+        return self.at.body
+
+    def action(self, motion: Motion) -> tuple[Point, Vector]:
+        """Return the point, and the force at the crank's angle."""
+        return self.at, self.size(motion.crank.angle) * (self.along / norm(self.along, 0.0))
+
+    def steady(self) -> "PushByAngle":
+        """Return the push; ValueError (known numbers only) for a size that does not repeat."""
         if not is_concrete(self.size):
-            return
+            return self
         with jax.ensure_compile_time_eval():
             angles = jnp.array([1.0, 2.5, 4.0])
             now, later = (
@@ -77,10 +109,81 @@ class PushByAngle(AbstractPush):
         # Curves between their points are known to rounding.
         repeats = np.allclose(now, later, rtol=0, atol=1e-6 * np.abs(now).max())
         require(repeats, "size", "repeat with each turn of the crank", "another one a turn later")
+        return self
 
-    def force(self, motion: Motion) -> Vector:
-        """Return the force at the crank's angle."""
-        return self.size(motion.crank.angle) * (self.along / norm(self.along, 0.0))
+
+# Cosines of the wave of a rough feed.
+COSINES = 64
+
+
+class RoughFeed(AbstractPush):
+    """A push that no two turns have alike: any other one times 1 + s w, with the scatter s.
+
+    w has a mean of 0, a variance of 1, and a flat spectrum from order 0 to the bandwidth, in
+    multiples of the crank's speed: sqrt(2 / K) sum of K cosines of order nu_k and phase phi_k.
+    Shinozuka and Jan, J. Sound Vib. 25, 1972. Each order lies at random in a K-th of the band, as
+    equal steps would repeat the wave after some turns.
+    """
+
+    load: AbstractPush  # the mean
+    scatter: Scalar = eqx.field(converter=scalar)  # s
+    bandwidth: Scalar = eqx.field(converter=scalar)  # largest order
+    places: Float[Array, " cosines"]  # nu_k / bandwidth
+    phases: Float[Array, " cosines"]  # rad
+
+    @property
+    def body(self) -> str:
+        """Return the name of the body that is pushed."""
+        return self.load.body
+
+    def action(self, motion: Motion) -> tuple[Point, Vector]:
+        """Return where the mean push acts, and its force times 1 + s w."""
+        return _times(1 + self.scatter * self.wave(motion.crank.angle), self.load, motion)
+
+    def steady(self) -> AbstractPush:
+        """Return the mean push."""
+        return self.load.steady()
+
+    def later(self, angle: Any) -> "RoughFeed":
+        """Return the push whose wave has gone on by an angle of the crank, rad."""
+        phases = self.phases + self.places * (self.bandwidth * angle)
+        return dataclasses.replace(self, phases=phases)
+
+    def wave(self, angle: Scalar) -> Scalar:
+        """Return w at an angle that the crank has turned by since time zero, rad."""
+        turned = self.places * (self.bandwidth * angle) + self.phases
+        return np.sqrt(2 / len(self.phases)) * jnp.sum(jnp.cos(turned))
+
+
+class Multiplied(AbstractPush):
+    """A push times a number."""
+
+    load: AbstractPush
+    factor: Scalar = eqx.field(converter=scalar)
+
+    @property
+    def body(self) -> str:
+        """Return the name of the body that is pushed."""
+        return self.load.body
+
+    def action(self, motion: Motion) -> tuple[Point, Vector]:
+        """Return where the push acts, and its force times the factor."""
+        return _times(self.factor, self.load, motion)
+
+
+def _times(factor: Scalar, push: AbstractPush, motion: Motion) -> tuple[Point, Vector]:
+    point, force = push.action(motion)
+    return point, factor * force
+
+
+def rough_feed(load: AbstractPush, scatter: Any, bandwidth: Any, seed: Any) -> RoughFeed:
+    """Return a push with a wave of its own for each `seed`, a whole number that may be traced."""
+    keys = jax.random.split(jax.random.key(jnp.asarray(seed).astype(jnp.uint32)))
+    random = [jax.random.uniform(key, (COSINES,), float) for key in keys]
+    places, phases = (jnp.arange(COSINES, dtype=float) + random[0]) / COSINES, 2 * np.pi * random[1]
+    # A seed of NaN, which lies outside its limits, would be taken for 0.
+    phases = nan_unless(jnp.isfinite(seed), phases)
+    return RoughFeed(load, scatter, bandwidth, places, phases)
 
 
 class Spring(Record):

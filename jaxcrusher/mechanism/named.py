@@ -10,11 +10,6 @@ from jaxcrusher.basics.record import Record
 T = TypeVar("T")
 
 
-def before(joint: str) -> str:
-    """Return the prefix of a joint's names, such as "elbow_"; a joint "main" has none."""
-    return "" if joint == "main" else f"{joint}_"
-
-
 class Named(Record, Generic[T]):
     """One of a kind at each of some names, in an order that stays; None at every other name."""
 

@@ -1,19 +1,26 @@
 """Observables of an instant of any linkage: forces, powers, energies, by its snapshot."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
+import jax
 import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import Scalar
 
+from jaxcrusher.basics.checks import require, require_own_process, require_positive
 from jaxcrusher.basics.plane import Vector, or_zero, plus
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
-from jaxcrusher.mechanism.named import before
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
 from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, OfPart, Snapshot
 from jaxcrusher.mechanism.supports import OnSupports
 from jaxcrusher.mechanism.topology import FRAME
+
+if TYPE_CHECKING:
+    from jaxcrusher.mechanism.scene import Scene
+else:
+    Scene = Any  # whose tables hold these functions
 
 # Smooths a length where it vanishes: a share of what a machine's own size and speed make of it, so
 # that numbers of a small machine are right as those of a large one.
@@ -22,32 +29,32 @@ WIDTH = 1e-10
 SPEED_WIDTH = 1e-12
 
 
-def acceleration_width(scene: AbstractScene) -> Scalar:
+def acceleration_width(scene: Scene) -> Scalar:
     """Return the share of the acceleration of the crank's pin, m/s2; it has no slopes."""
     return stop_gradient(WIDTH * scene.throw * scene.drive.speed**2)
 
 
-def force_width(s: Snapshot, scene: AbstractScene) -> Scalar:
+def force_width(s: Snapshot, scene: Scene) -> Scalar:
     """Return the share of the force that gives it to all bodies, N."""
     return stop_gradient(s.motion.linkage.mass) * acceleration_width(scene)
 
 
-def torque_width(s: Snapshot, scene: AbstractScene) -> Scalar:
+def torque_width(s: Snapshot, scene: Scene) -> Scalar:
     """Return the share of the torque of that force at the crank's pin, N m."""
     return force_width(s, scene) * stop_gradient(scene.throw)
 
 
-def on_bore(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
+def on_bore(s: Snapshot, scene: Scene, joint: str) -> Vector:
     """Return the force on the bore of a joint, N."""
     return s.accelerations.forces.at(joint)
 
 
-def on_pin(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
+def on_pin(s: Snapshot, scene: Scene, joint: str) -> Vector:
     """Return the force on the pin of a joint, N."""
     return -on_bore(s, scene, joint)
 
 
-def shaking_force(s: Snapshot, scene: AbstractScene) -> Vector:
+def shaking_force(s: Snapshot, scene: Scene) -> Vector:
     """Return -sum of m a, N: the moving part of what the bodies pass to the frame.
 
     The load closes inside the machine, as a crusher's between jaw and fixed jaw, and the weight
@@ -58,18 +65,18 @@ def shaking_force(s: Snapshot, scene: AbstractScene) -> Vector:
     return total if s.frame is None else total.along(s.frame.axis)
 
 
-def _momentum_rates(s: Snapshot, scene: AbstractScene) -> list[tuple[str, Vector]]:
+def _momentum_rates(s: Snapshot, scene: Scene) -> list[tuple[str, Vector]]:
     """Return mass times acceleration of each body, in the frame's axes, N."""
     centres, bodies = s.accelerations.centres, scene.linkage.bodies.items()
     return [(name, body.mass * centres.at(name)) for name, body in bodies]
 
 
-def shaking_size(s: Snapshot, scene: AbstractScene) -> Scalar:
+def shaking_size(s: Snapshot, scene: Scene) -> Scalar:
     """Return the length of the shaking force, N."""
     return norm(shaking_force(s, scene), force_width(s, scene))
 
 
-def ground_force(s: Snapshot, scene: AbstractScene) -> Vector:
+def ground_force(s: Snapshot, scene: Scene) -> Vector:
     """Return the force of the bodies on the frame, N: their weight less sum of m a.
 
     A clamped frame passes it to the ground. Of a crusher it equals -(R_O + R_C) less the load on
@@ -79,7 +86,7 @@ def ground_force(s: Snapshot, scene: AbstractScene) -> Vector:
     return shaking_force(s, scene) + weight
 
 
-def ground_moment(s: Snapshot, scene: AbstractScene) -> Scalar:
+def ground_moment(s: Snapshot, scene: Scene) -> Scalar:
     """Return the moment of the bodies on the frame, N m, about the foundation's point.
 
     Each body adds (r - p) x m (g - a) - J alpha; without a foundation p is the origin, a crusher's
@@ -94,7 +101,7 @@ def ground_moment(s: Snapshot, scene: AbstractScene) -> Scalar:
 
 def _moment(
     s: Snapshot,
-    scene: AbstractScene,
+    scene: Scene,
     fall: Vector,
     rates: list[tuple[str, Vector]],
     spin_up: Callable[[str], Scalar],
@@ -109,40 +116,40 @@ def _moment(
     return total
 
 
-def drive_torque(s: Snapshot, scene: AbstractScene) -> Scalar:
+def drive_torque(s: Snapshot, scene: Scene) -> Scalar:
     """M0, counterclockwise on the shaft, N m."""
     return s.accelerations.torque
 
 
-def drive_power(s: Snapshot, scene: AbstractScene) -> Scalar:
+def drive_power(s: Snapshot, scene: Scene) -> Scalar:
     """M0 times the shaft's speed, W."""
     return drive_torque(s, scene) * s.motion.crank.speed
 
 
-def crank_speed(s: Snapshot, scene: AbstractScene) -> Scalar:
+def crank_speed(s: Snapshot, scene: Scene) -> Scalar:
     """Return the speed of the crank, rad/s."""
     return s.motion.crank.speed
 
 
-def contact_loss(s: Snapshot, scene: AbstractScene) -> Scalar:
+def contact_loss(s: Snapshot, scene: Scene) -> Scalar:
     """Power dissipated by the damping of the contact, W."""
     return _over_joints(lambda _, contact: contact.normal_loss, s, scene)
 
 
-def friction_loss(s: Snapshot, scene: AbstractScene) -> Scalar:
+def friction_loss(s: Snapshot, scene: Scene) -> Scalar:
     """Power dissipated by friction, W; may be negative where slip is that of the centres."""
     return _over_joints(lambda _, contact: contact.friction_loss, s, scene)
 
 
 def _over_joints(
-    part: Callable[[AbstractBearing, Contact], Scalar | None], s: Snapshot, scene: AbstractScene
+    part: Callable[[AbstractBearing, Contact], Scalar | None], s: Snapshot, scene: Scene
 ) -> Scalar:
     """The sum of a number of each contact; zero where there is none."""
     known = scene.joints.map(part, s.contacts).values
     return sum(known, jnp.zeros_like(s.motion.crank.speed))
 
 
-def elastic_energy(s: Snapshot, scene: AbstractScene) -> Scalar:
+def elastic_energy(s: Snapshot, scene: Scene) -> Scalar:
     """Stored in the contacts, in springs at the bodies and in those of the supports, J."""
     stored = _over_joints(AbstractBearing.elastic_energy, s, scene)
     stored = sum((spring.energy for spring in s.applied.springs), stored)
@@ -151,44 +158,44 @@ def elastic_energy(s: Snapshot, scene: AbstractScene) -> Scalar:
     return stored + scene.supports.elastic_energy(s.frame)
 
 
-def force_at(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+def force_at(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     """The length of the force in a joint, N."""
     return norm(on_bore(s, scene, joint), force_width(s, scene))
 
 
-def _normal_force(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+def _normal_force(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     contact = s.contacts[joint]
     return force_at(s, scene, joint) if contact is None else contact.normal_force
 
 
-def _friction_force(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+def _friction_force(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     contact = s.contacts[joint]
     force = None if contact is None else contact.friction_force
     return jnp.zeros_like(s.motion.crank.speed) if force is None else force
 
 
-def _eccentricity(s: Snapshot, scene: AbstractScene, joint: str) -> Vector:
+def _eccentricity(s: Snapshot, scene: Scene, joint: str) -> Vector:
     return or_zero(s.motion.eccentricities[joint])
 
 
-def _penetration_ratio(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+def _penetration_ratio(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     contact, clearance = s.contacts[joint], scene.joints[joint]
     if contact is None:
         return jnp.zeros_like(s.motion.crank.speed)
     return contact.penetration / clearance.clearance
 
 
-def _penetration_rate(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+def _penetration_rate(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     contact = s.contacts[joint]
     return jnp.zeros_like(s.motion.crank.speed) if contact is None else contact.penetration_rate
 
 
-def constraint_residual(s: Snapshot, scene: AbstractScene) -> Scalar:
+def constraint_residual(s: Snapshot, scene: Scene) -> Scalar:
     """Return by how much the joints that are held are apart, m or rad."""
     return jnp.zeros_like(s.motion.crank.speed) if s.residual is None else s.residual
 
 
-def _on_supports(s: Snapshot, scene: AbstractScene, name: str) -> tuple[FrameMotion, OnSupports]:
+def _on_supports(s: Snapshot, scene: Scene, name: str) -> tuple[FrameMotion, OnSupports]:
     """Return the frame's motion and its supports."""
     if s.frame is None or scene.supports is None:
         raise ValueError(
@@ -197,27 +204,27 @@ def _on_supports(s: Snapshot, scene: AbstractScene, name: str) -> tuple[FrameMot
     return s.frame, scene.supports
 
 
-def support_loss(s: Snapshot, scene: AbstractScene) -> Scalar:
+def support_loss(s: Snapshot, scene: Scene) -> Scalar:
     """Power that the dampers of the supports take, W; ValueError for a clamped frame."""
     frame, foundation = _on_supports(s, scene, "support_loss")
     return foundation.loss(frame)
 
 
-def support_force(s: Snapshot, scene: AbstractScene, side: str) -> Vector:
+def support_force(s: Snapshot, scene: Scene, side: str) -> Vector:
     """Return the force of the left or the right support on the ground, N."""
     frame, foundation = _on_supports(s, scene, f"{side}_force")
     left, right = foundation.support_forces(frame)
     return left if side == "left" else right
 
 
-def transmitted_force(s: Snapshot, scene: AbstractScene) -> Vector:
+def transmitted_force(s: Snapshot, scene: Scene) -> Vector:
     """Return the force of both supports on the ground, N."""
     frame, foundation = _on_supports(s, scene, "transmitted_force")
     left, right = foundation.support_forces(frame)
     return left + right
 
 
-def _past_frame(s: Snapshot, scene: AbstractScene) -> list[tuple[str, Vector]]:
+def _past_frame(s: Snapshot, scene: Scene) -> list[tuple[str, Vector]]:
     """Return mass times acceleration past the frame of each body, in the frame's axes, N."""
     frame, foundation = _on_supports(s, scene, "exciting_force")
     origin, spin_up = s.accelerations.centres.at(FRAME), s.accelerations.spin_ups.at(FRAME)
@@ -231,7 +238,7 @@ def _past_frame(s: Snapshot, scene: AbstractScene) -> list[tuple[str, Vector]]:
     return found
 
 
-def exciting_force(s: Snapshot, scene: AbstractScene) -> Vector:
+def exciting_force(s: Snapshot, scene: Scene) -> Vector:
     """Return -sum of m a of the bodies' motion past the frame, N: the force on a frame at rest.
 
     With a_i = a_G + (what turning with the frame adds) + (the acceleration past the frame) Newton's
@@ -243,7 +250,7 @@ def exciting_force(s: Snapshot, scene: AbstractScene) -> Vector:
     return -sum(others, one)
 
 
-def exciting_moment(s: Snapshot, scene: AbstractScene) -> Scalar:
+def exciting_moment(s: Snapshot, scene: Scene) -> Scalar:
     """Return the moment about G that excites a frame, N m, as `exciting_force` does.
 
     Weights that the mechanism moves to and fro are in it, on a frame that stands as drawn.
@@ -252,43 +259,43 @@ def exciting_moment(s: Snapshot, scene: AbstractScene) -> Scalar:
     return _moment(s, scene, fall, _past_frame(s, scene), s.accelerations.past_frame)
 
 
-def frame_displacement(s: Snapshot, scene: AbstractScene) -> Vector:
+def frame_displacement(s: Snapshot, scene: Scene) -> Vector:
     """Return the displacement of G from where the frame is drawn, m."""
     return _on_supports(s, scene, "frame_displacement")[0].displacement
 
 
-def frame_velocity(s: Snapshot, scene: AbstractScene) -> Vector:
+def frame_velocity(s: Snapshot, scene: Scene) -> Vector:
     """Return the velocity of G, m/s."""
     return _on_supports(s, scene, "frame_velocity")[0].velocity
 
 
-def frame_rotation(s: Snapshot, scene: AbstractScene) -> Scalar:
+def frame_rotation(s: Snapshot, scene: Scene) -> Scalar:
     """Return the rotation of the frame, rad."""
     return _on_supports(s, scene, "frame_rotation")[0].rotation
 
 
-def transmitted_size(s: Snapshot, scene: AbstractScene) -> Scalar:
+def transmitted_size(s: Snapshot, scene: Scene) -> Scalar:
     """Return the length of what moves of the force on the ground, N: all but the weight."""
     _, foundation = _on_supports(s, scene, "transmitted_force")
     weight = Vector(0.0, -(foundation.mass + scene.linkage.mass) * scene.linkage.gravity)
     return norm(transmitted_force(s, scene) - weight, force_width(s, scene))
 
 
-def support_size(s: Snapshot, scene: AbstractScene, side: str) -> Scalar:
+def support_size(s: Snapshot, scene: Scene, side: str) -> Scalar:
     """Return the length of the force of a support, N."""
     return norm(support_force(s, scene, side), force_width(s, scene))
 
 
-def frame_speed(s: Snapshot, scene: AbstractScene) -> Scalar:
+def frame_speed(s: Snapshot, scene: Scene) -> Scalar:
     """Return the speed of G, m/s."""
     width = stop_gradient(SPEED_WIDTH * scene.throw * scene.drive.speed)
     return norm(frame_velocity(s, scene), width)
 
 
-def observables_at(joint: str, place: str) -> dict[str, Observable]:
+def observables_at(joint: str, prefix: str, place: str) -> dict[str, Observable]:
     """Return the observables of a joint, with its prefix before their names."""
     return {
-        before(joint) + name: Observable(OfPart(function, joint), unit, f"{meaning} at {place}")
+        prefix + name: Observable(OfPart(function, joint), unit, f"{meaning} at {place}")
         for name, function, unit, meaning in (
             ("normal_force", _normal_force, "N", "normal force"),
             ("friction_force", _friction_force, "N", "friction force"),
@@ -297,6 +304,73 @@ def observables_at(joint: str, place: str) -> dict[str, Observable]:
             ("penetration_rate", _penetration_rate, "m/s", "penetration rate"),
         )
     }
+
+
+# Turns that a bearing at its dynamic rating lasts (ISO 281), and seconds an hour.
+RATED_TURNS, HOUR = 1e6, 3600.0
+
+
+def bearing_stiffness(scene: Scene, force: float | Scalar, joint: str | None = None) -> Scalar:
+    """Return dF/de of a joint at rest under a force (N, > 0), N/m.
+
+    Without a name it is the joint of `Scene.joint_looked_at`. Raises ValueError for an ideal joint.
+    """
+    require_own_process()
+    require_positive("force", force, "N")
+    law = scene.joints.at(scene.joint_looked_at(joint)).normal
+    return jax.grad(law.elastic_force)(law.penetration_under(jnp.asarray(force, float)))
+
+
+def stiffness_now(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+    """Return dF/de of a joint with clearance where its pin is, N/m."""
+    normal = scene.joints.at(joint).normal
+    return jax.grad(normal.elastic_force)(s.contacts.at(joint).penetration)
+
+
+def _rollers(scene: Scene, joint: str) -> RollerBearing:
+    bearing = scene.joints[joint]
+    rolls = isinstance(bearing, RollerBearing)
+    require(rolls, "outputs", "ask for rollers where there are some", f"of {joint}")
+    assert isinstance(bearing, RollerBearing)
+    return bearing
+
+
+def roller_pressure(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+    """Return Hertz's pressure of the most loaded roller of a joint, Pa."""
+    return _rollers(scene, joint).pressure(s.contacts.at(joint).penetration)
+
+
+def static_load(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+    """Return the load of a roller bearing over its static rating."""
+    bearing = _rollers(scene, joint)
+    return force_at(s, scene, joint) / (bearing.bearings * bearing.static_rating)
+
+
+def fatigue(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+    """Return the share of its life L10 that a roller bearing uses in an hour.
+
+    ISO 281 with the exponent 10/3, without its factor of lubrication and cleanness.
+    """
+    bearing = _rollers(scene, joint)
+    load = force_at(s, scene, joint) / (bearing.bearings * bearing.dynamic_rating)
+    turns = ring_speed(s, scene, joint) / (2 * jnp.pi) * HOUR
+    return turns / RATED_TURNS * load**LIFE_EXPONENT
+
+
+def ring_speed(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+    """Return how fast the rings of a joint turn against each other, rad/s, >= 0.
+
+    At a joint of the crank they do so once in a turn, and the crank's speed stands for theirs.
+    Elsewhere two bodies swing: there and back by an angle b on either side they roll over 4 b, as
+    b / 90 deg of a turn is counted of bearings that oscillate.
+    """
+    one = scene.linkage.joint(joint)
+    bodies = one.bore.body, one.pin.body
+    if scene.linkage.crank in bodies:
+        return jnp.abs(s.motion.crank.speed)
+    spins = (s.motion.spin(body) for body in bodies)
+    bore, pin = (jnp.zeros(()) if spin is None else spin for spin in spins)
+    return jnp.abs(bore - pin)
 
 
 # Of the machine as a whole.
@@ -325,7 +399,7 @@ OF_SUPPORTS = {
 }
 
 
-def kinetic_energy(s: Snapshot, scene: AbstractScene) -> Scalar:
+def kinetic_energy(s: Snapshot, scene: Scene) -> Scalar:
     """Return the kinetic energy of the bodies, and of a frame on supports, J."""
     total, drift = jnp.zeros_like(s.motion.crank.speed), None
     frame, foundation = s.frame, scene.supports
@@ -343,7 +417,7 @@ def kinetic_energy(s: Snapshot, scene: AbstractScene) -> Scalar:
     return 0.5 * total
 
 
-def potential_energy(s: Snapshot, scene: AbstractScene) -> Scalar:
+def potential_energy(s: Snapshot, scene: Scene) -> Scalar:
     """Return the potential energy of weight, zero at the height of the origin as drawn, J."""
     total, frame, foundation = jnp.zeros_like(s.motion.crank.speed), s.frame, scene.supports
     places = [(body, s.motion.centre(name)) for name, body in scene.linkage.bodies.items()]

@@ -1,9 +1,9 @@
-"""What equations of motion ask of a scene, and what a scene asks of them."""
+"""A scene: who takes part, and what equations of motion ask of it. What is None is not traced."""
 
 import abc
 import dataclasses
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, ClassVar, Self
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,68 +18,205 @@ from jaxcrusher.basics.checks import (
     require_kind,
     require_own_process,
     require_positive,
+    require_x64,
 )
-from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.plane import Vector, plus
 from jaxcrusher.basics.record import Printed
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
-from jaxcrusher.mechanism.acting import Acting
+from jaxcrusher.joint.rollers import RollerBearing
+from jaxcrusher.mechanism.acting import (
+    AbstractPush,
+    Acting,
+    Spring,
+    acting,
+    push_power,
+    spring_loss,
+)
 from jaxcrusher.mechanism.drives import AbstractDrive
 from jaxcrusher.mechanism.equations import MovingFrame, Wrench
-from jaxcrusher.mechanism.linkage import Linkage
+from jaxcrusher.mechanism.linkage import Linkage, Point
 from jaxcrusher.mechanism.motion import Motion
-from jaxcrusher.mechanism.named import Named, before
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.quantities import (
+    Parts,
+    Template,
+    limits_of,
+    may_rest,
+    observables_of,
+    require_asked,
+    statistics_of,
+    usual_of,
+)
 from jaxcrusher.mechanism.reductions import Chosen, Statistic, chosen
 from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation, OnSupports
+from jaxcrusher.mechanism.topology import FRAME
 
 
-class AbstractScene(Printed):
-    """A linkage with its drive, its loose joints, and how its equations are written."""
+def _eccentricities() -> "AbstractFormulation":
+    """Return the usual formulation, whose module takes scenes and so is above this one."""
+    from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 
-    # The statistic by which errors of a motion are judged.
-    leading: ClassVar[str] = "shaking_rms"
+    return EccentricityFormulation()
 
-    drive: eqx.AbstractVar[AbstractDrive]
-    formulation: eqx.AbstractVar["AbstractFormulation"]
-    start: eqx.AbstractVar["AbstractStart | None"]
-    foundation: eqx.AbstractVar[AbstractFoundation | None]
-    own: eqx.AbstractVar[Chosen]  # statistics of the user's own
+
+def _centred() -> "AbstractStart":
+    """Return the usual start, whose module takes scenes and so is above this one."""
+    from jaxcrusher.mechanism.starts import Centred
+
+    return Centred()
+
+
+class Scene(Printed):
+    """A linkage with a drive, the bearings of its loose joints by name, and forces on its bodies.
+
+    Joints that are not named are ideal. With no `foundation` the frame is clamped, and moments on
+    the ground are counted about its origin. Of `points`, and of the mass centre of each body, there
+    are position, velocity and acceleration. `own` is what `with_statistics` adds, and the
+    `template` says what its results are called and what is asked of it besides.
+
+    Raises ValueError (concrete values only) if 64-bit floats are off, for a bearing of a joint that
+    there is not, for a clearance that is not inside (0, R_i), for a push or a spring at a body that
+    there is not, for a push of the frame, and for a name of a point or slide by which a result
+    would be named that has this name already.
+    """
+
+    linkage: Linkage
+    bearings: Named[AbstractBearing]
+    drive: AbstractDrive
+    pushes: tuple[AbstractPush, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    formulation: "AbstractFormulation" = eqx.field(default_factory=_eccentricities)
+    start: "AbstractStart | None" = eqx.field(default_factory=_centred)
+    foundation: AbstractFoundation | None = None
+    points: Named[Point] = eqx.field(default_factory=Named)
+    own: Chosen = eqx.field(static=True, default=())
+    template: Template = eqx.field(static=True, default=Template())
+
+    def __check_init__(self):
+        require_x64()
+        known = self.linkage.joints.names
+        for name, bearing in self.bearings.items():
+            require(name in known, "bearings", f"be of joints: {', '.join(known)}", f"of {name}")
+            prefix = f"{name}." if self.prefix(name) else ""
+            require_clearance(bearing.clearance, bearing.bore_radius, prefix)
+        bodies = self.linkage.bodies.names
+        for name, point in self.points.items():
+            require(name not in bodies, "points", "have names that no body has", name)
+            require(point.body in bodies, f"points.{name}", "be of a body", f"of {point.body}")
+        must = f"be at bodies that there are: {', '.join(bodies)}"
+        for push in self.pushes:  # one of the frame would be its own reaction
+            require(push.body in bodies, "pushes", must, f"at {push.body}")
+        for body in (point.body for spring in self.springs for point in spring.ends):
+            require(body in (*bodies, FRAME), "springs", f"{must}, {FRAME}", f"at {body}")
+        observables_of(self.template, self._parts)
 
     @property
-    @abc.abstractmethod
-    def linkage(self) -> Linkage:
-        """Return bodies and joints."""
-
-    @property
-    @abc.abstractmethod
     def joints(self) -> Named[AbstractBearing]:
         """Return the joints with clearance."""
+        return self.bearings
 
     @property
-    @abc.abstractmethod
     def throw(self) -> Scalar:
-        """Return how far the crank carries its pin, m: what a moving frame is measured by."""
+        """Return how far the crank's pin is from its bearing, m; alone, its radius of gyration.
 
-    @abc.abstractmethod
-    def applied(self, motion: Motion) -> Acting:
-        """Return what acts on the bodies of a motion besides weight and joints."""
+        A moving frame is measured by it.
+        """
+        linkage, crank = self.linkage, self.linkage.crank
+        body, bearing = linkage.body(crank), linkage.side_of(linkage.bearing, crank)
+        pins = [n for n, *both in linkage.ends if crank in both and n != linkage.bearing]
+        end = linkage.side_of(pins[0], crank) if pins else body.mass_centre
+        squared = (end - bearing).squared()
+        squared = squared if pins else plus(squared, body.inertia / body.mass)
+        assert squared is not None, "two joints of a body are apart"
+        return jnp.sqrt(squared)
+
+    def point(self, name: str) -> Point:
+        """Return a point by its name, or the mass centre of the body of that name."""
+        return self.points[name] or self.linkage.centre(name)
+
+    def prefix(self, joint: str) -> str:
+        """Return what stands before the names of a joint's results, such as "elbow_"."""
+        return self.template.joint(joint).prefix
+
+    def title(self, joint: str) -> str:
+        """Return what a joint is called in the meanings of its results, such as "A"."""
+        return self.template.joint(joint).title
 
     @property
-    @abc.abstractmethod
+    def watched(self) -> tuple[str, ...]:
+        """Return the joints of whose contact there are statistics, also of a first ideal one."""
+        return tuple(self.template.watched(self._parts))
+
+    def joint_looked_at(self, joint: str | None = None) -> str:
+        """Return a loose joint: the named one, or the template's first, or the only one.
+
+        Raises ValueError where there is none of them.
+        """
+        loose, names = self.joints.names, self.linkage.joints.names
+        must = f"name a joint with clearance: {', '.join(loose) or 'there is none'}"
+        if joint is None:
+            joint = next((name for name in self.watched if not self.prefix(name)), None)
+        if joint is None:
+            require(len(loose) == 1, "joint", must, "missing")
+            (joint,) = loose
+        known = "an ideal one" if joint in names else "unknown"
+        require(joint in loose, "joint", must, f"{joint}, {known}")
+        return joint
+
+    def with_bearing(self, joint: str, bearing: AbstractBearing | None) -> "Scene":
+        """Return the scene with another bearing at a joint; None: with an ideal joint there."""
+        bearings = Named({**dict(self.bearings.items()), joint: bearing})
+        return dataclasses.replace(self, bearings=bearings)
+
+    def applied(self, motion: Motion) -> Acting:
+        """Return what pushes and springs do to bodies, and by their reactions to the frame."""
+        pushes = [push.action(motion) for push in self.pushes]
+        return acting(motion, pushes, self.springs, self.supports)
+
+    @property
+    def _parts(self) -> Parts:
+        loose, linkage = dict(self.joints.items()), self.linkage
+        return Parts(
+            linkage.joints.names,
+            tuple(loose),
+            tuple(name for name, one in loose.items() if one.friction is not None),
+            tuple(name for name, one in loose.items() if isinstance(one, RollerBearing)),
+            linkage.slides.names,
+            tuple(dict.fromkeys((*linkage.bodies.names, *self.points.names))),
+            self.supports is not None,
+            bool(self.springs),
+            may_rest(self),
+        )
+
+    @property
     def observables(self) -> Mapping[str, Observable]:
         """Return all that may be asked of an instant, by name."""
+        return observables_of(self.template, self._parts)
 
     @property
-    def own_observables(self) -> tuple[str, ...]:
-        """Return the names of those that this scene has: all of them, or fewer."""
-        return tuple(self.observables)
-
-    @property
-    @abc.abstractmethod
     def statistics(self) -> Mapping[str, Statistic]:
-        """Return all that may be asked of a motion, by name."""
+        """Return all that may be asked of a motion, by name, with the user's own."""
+        return statistics_of(self.template, self._parts) | dict(self.own)
 
-    def with_statistics(self, own: Mapping[str, Statistic]) -> Self:
+    @property
+    def usual_statistics(self) -> tuple[str, ...]:
+        """Return the names of those that are computed without being asked for."""
+        return (*usual_of(self.template, self._parts), *dict(self.own))
+
+    def require_outputs(self, outputs: Any, table: Mapping[str, Any], *others: str) -> None:
+        """Check that names are of one of the scene's tables, or `others`.
+
+        Raises ValueError, which says what the scene lacks that would have a name.
+        """
+        require_asked(outputs, table, self.template, self._parts, *others)
+
+    @property
+    def leading(self) -> str:
+        """Return the statistic by which errors of a motion are judged."""
+        return self.template.leading
+
+    def with_statistics(self, own: Mapping[str, Statistic]) -> "Scene":
         """Return the scene with statistics of one's own, by name; they need not be asked for.
 
         They are part of its structure: a program is compiled anew for another function. Raises
@@ -92,35 +229,36 @@ class AbstractScene(Printed):
 
     def entries(self, names: Iterable[str] | None = None) -> Chosen:
         """Return the entries of these names; None: those of all that the scene has."""
-        return chosen(self.statistics, self.own_statistics if names is None else names)
+        return chosen(self.statistics, self.statistics if names is None else names)
 
     @property
-    def own_statistics(self) -> tuple[str, ...]:
-        """Return the names of those that this scene has: all of them, or fewer."""
-        return tuple(self.statistics)
+    def works(self) -> Mapping[str, Callable[[Snapshot, "Scene"], Scalar]]:
+        """Return the powers (W) of pushes, and what dampers of springs take, by their work."""
+        springs = {f"{self.template.springs}loss": spring_loss} if self.springs else {}
+        return {"load_work": push_power} | springs
 
     @property
-    @abc.abstractmethod
-    def usual_statistics(self) -> tuple[str, ...]:
-        """Return the names of those that are computed without being asked for."""
-
-    @property
-    @abc.abstractmethod
-    def works(self) -> Mapping[str, Callable[[Snapshot, "AbstractScene"], Scalar]]:
-        """Return the powers (W) of loads, and what dampers at the bodies take, by their work."""
-
-    @property
-    @abc.abstractmethod
     def limits(self) -> Mapping[str, tuple[Callable[..., Any], tuple[str, ...]]]:
         """Return what else the model is limited by: a verdict on statistics, and their names."""
+        return limits_of(self.template, self._parts)
 
-    @abc.abstractmethod
-    def steady(self) -> "AbstractScene":
-        """Return the scene under loads that repeat with the crank's turn."""
+    def steady(self) -> "Scene":
+        """Return the scene under pushes that repeat with the crank's turn: itself where they do.
 
-    @abc.abstractmethod
-    def ideal(self) -> "AbstractScene":
+        Raises ValueError for a push that does not repeat and has no mean.
+        """
+        return self._pushed(push.steady() for push in self.pushes)
+
+    def _pushed(self, pushes: Iterable[AbstractPush]) -> "Scene":
+        """Return the scene with other pushes, or itself where they are its own."""
+        pushes = tuple(pushes)
+        same = all(one is other for one, other in zip(pushes, self.pushes, strict=True))
+        return self if same else dataclasses.replace(self, pushes=pushes)
+
+    def ideal(self) -> "Scene":
         """Return the same scene with ideal joints: what a clearance adds to."""
+        formulation = _eccentricities()
+        return dataclasses.replace(self, bearings=Named(), start=None, formulation=formulation)
 
     @property
     def supports(self) -> OnSupports | None:
@@ -138,11 +276,23 @@ class AbstractScene(Printed):
         return not self.is_ideal or self.supports is not None
 
 
+AbstractScene = Scene
+
+
+def later(scene: Scene, angle: Any) -> Scene:
+    """Return the scene whose time zero is when the crank has turned by `angle` (rad).
+
+    A run that goes on from the state of another one begins its rough feed again; under this scene
+    it goes on with it. `angle` is whole turns, as states are known at angle zero.
+    """
+    return scene._pushed(push.later(angle) for push in scene.pushes)
+
+
 class AbstractStart(eqx.Module):
     """Where pins start in their bores."""
 
     @abc.abstractmethod
-    def eccentricities(self, scene: AbstractScene) -> tuple[Named[Vector], Named[Vector]]:
+    def eccentricities(self, scene: Scene) -> tuple[Named[Vector], Named[Vector]]:
         """Return e (m) and its rate (m/s) at time zero, of each joint with clearance."""
 
 
@@ -153,17 +303,15 @@ class AbstractFormulation(eqx.Module):
     """
 
     @abc.abstractmethod
-    def initial(self, scene: AbstractScene) -> PyTree[Scalar]:
+    def initial(self, scene: Scene) -> PyTree[Scalar]:
         """Return the state at time zero."""
 
     @abc.abstractmethod
-    def snapshot(self, time: Scalar, state: PyTree[Scalar], scene: AbstractScene) -> Snapshot:
+    def snapshot(self, time: Scalar, state: PyTree[Scalar], scene: Scene) -> Snapshot:
         """Return all accelerations and forces at a state."""
 
     @abc.abstractmethod
-    def rate(
-        self, snapshot: Snapshot, state: PyTree[Scalar], scene: AbstractScene
-    ) -> PyTree[Scalar]:
+    def rate(self, snapshot: Snapshot, state: PyTree[Scalar], scene: Scene) -> PyTree[Scalar]:
         """Return the time derivative of the state, per second."""
 
     @abc.abstractmethod
@@ -174,24 +322,24 @@ class AbstractFormulation(eqx.Module):
         """
 
     @abc.abstractmethod
-    def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
+    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
         """Return the solver's tolerance for an error of `rtol` clearances in the eccentricity."""
 
 
 def require_scene(scene: Any) -> None:
     """Check that it is one scene, of 64-bit floats."""
     require_own_process()
-    require_kind("scene", scene, AbstractScene, "jaxcrusher.paper_scene(30.0, 6e-5)")
+    require_kind("scene", scene, Scene, "jaxcrusher.paper_scene(30.0, 6e-5)")
     require_double("scene", scene)
     shapes = {"speed": jnp.shape(getattr(scene.drive, "speed", 0.0))}
     for joint, clearance in scene.joints.items():
-        shapes[f"{before(joint)}clearance"] = jnp.shape(clearance.clearance)
+        shapes[f"{scene.prefix(joint)}clearance"] = jnp.shape(clearance.clearance)
     for name, shape in shapes.items():
         must = "be one number (jax.vmap and jaxcrusher.sweep take many)"
         require(shape == (), name, must, f"of shape {shape}")
 
 
-def require_steady(scene: AbstractScene) -> None:
+def require_steady(scene: Scene) -> None:
     """Check that the load repeats with the crank's turn, so that there is a map from turn to turn.
 
     Raises ValueError in one line.
@@ -201,7 +349,7 @@ def require_steady(scene: AbstractScene) -> None:
     require(good, "scene", must, "a rough feed (load_scatter)")
 
 
-def require_maker(scene: Callable[..., AbstractScene]) -> None:
+def require_maker(scene: Callable[..., Scene]) -> None:
     """Check that it is a function: of what it makes nothing is known yet."""
     makes = "be a function that makes a scene of the parameters, such as jaxcrusher.paper_scene"
     require(callable(scene), "scene", makes, f"a {type(scene).__name__}")
@@ -216,7 +364,7 @@ def require_clearance(clearance, bore_radius, prefix: str = "") -> None:
         require(bool((known < bore).all()), f"{prefix}clearance", limit, clearance)
 
 
-def contacts_of(scene: AbstractScene, motion: Motion, memories: Named[Scalar]) -> Named[Contact]:
+def contacts_of(scene: Scene, motion: Motion, memories: Named[Scalar]) -> Named[Contact]:
     """Return the contacts of the joints with clearance; `memories` are those of normal laws."""
     found = {}
     for name, one in scene.joints.items():
@@ -233,7 +381,7 @@ def contacts_of(scene: AbstractScene, motion: Motion, memories: Named[Scalar]) -
 
 
 def wrenches_of(
-    scene: AbstractScene, applied: Acting, frame: FrameMotion | None
+    scene: Scene, applied: Acting, frame: FrameMotion | None
 ) -> tuple[list[Wrench], Vector, MovingFrame | None]:
     """Return what acts besides contacts, the weight of a unit mass, and the frame as a body."""
     upright = Vector(0.0, -scene.linkage.gravity)

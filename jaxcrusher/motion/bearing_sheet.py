@@ -4,11 +4,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
 
-from jaxcrusher.crusher.observables import HOUR, OBSERVABLES, RATED_TURNS, roller_pressure
+from jaxcrusher.basics.checks import require_choice
 from jaxcrusher.files.table import Column
 from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
-from jaxcrusher.mechanism.named import before
-from jaxcrusher.mechanism.observables import force_at
+from jaxcrusher.mechanism.observables import (
+    HOUR,
+    RATED_TURNS,
+    force_at,
+    ring_speed,
+    roller_pressure,
+)
 from jaxcrusher.mechanism.reductions import (
     LARGEST,
     Chosen,
@@ -47,10 +52,16 @@ COLUMNS = {
 }
 
 
-def bearings_of(scene: AbstractScene) -> tuple[str, ...]:
-    """Return the joints that a sheet is of: A and O, and B and C where they are loose."""
-    seats = (joint for joint in ("elbow", "pivot") if scene.joints[joint] is not None)
-    return "main", "shaft_bearing", *seats
+def bearings_of(scene: AbstractScene, joint: str | None = None) -> tuple[str, ...]:
+    """Return the joints that a sheet is of: the one looked at, the crank's own, and loose ones.
+
+    The first is the named one, which may be ideal, or that whose results have no prefix, or the
+    only loose one. Raises ValueError where there is none of them.
+    """
+    plain = (one for one in scene.watched if not scene.prefix(one))
+    first = joint or next(plain, None) or scene.joint_looked_at()
+    require_choice("joint", first, scene.linkage.joints.names)
+    return tuple(dict.fromkeys((first, scene.linkage.bearing, *scene.joints.names)))
 
 
 def _friction(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
@@ -59,35 +70,48 @@ def _friction(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
     return jnp.zeros_like(s.motion.crank.speed) if loss is None else loss
 
 
-def _wearing(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
-    """Return load^(10/3) times the shaft's speed: ISO 281 averages over revolutions.
+def _swings(scene: AbstractScene, joint: str) -> bool:
+    """Return whether a joint has rollers between two bodies of which none is the crank."""
+    one = scene.linkage.joint(joint)
+    rolls = isinstance(scene.joints[joint], RollerBearing)
+    return rolls and scene.linkage.crank not in (one.bore.body, one.pin.body)
 
-    Uneven speed does not spread these evenly over time.
+
+def _wearing(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+    """Return load^(10/3) times the speed of the rings: ISO 281 averages over revolutions.
+
+    Uneven speed does not spread these evenly over time. It is the crank's speed, but where rollers
+    swing.
     """
-    return force_at(s, scene, joint) ** LIFE_EXPONENT * _speed(s, scene)
+    speed = ring_speed(s, scene, joint) if _swings(scene, joint) else _speed(s, scene)
+    return force_at(s, scene, joint) ** LIFE_EXPONENT * speed
 
 
 def _speed(s: Snapshot, scene: AbstractScene) -> Scalar:
-    """Return the shaft's speed, whichever way it turns, rad/s."""
+    """Return the crank's speed, whichever way it turns, rad/s."""
     return jnp.abs(s.motion.crank.speed)
 
 
-def outputs_of(scene: AbstractScene) -> Chosen:
-    """Return what the sheet asks of each turn of a motion: of a joint, of the shaft, of all."""
+def outputs_of(scene: AbstractScene, first: str | None = None) -> Chosen:
+    """Return what the sheet asks of each turn of a motion: of joints, of the crank, of all.
+
+    `first` is the joint to look at, as in `bearings_of`.
+    """
     found = {
         "shaking_rms": scene.statistics["shaking_rms"],
         "speed": Statistic("rad/s", "mean speed of the shaft", _speed, PowerMean()),
     }
-    for joint in bearings_of(scene):
+    for joint in bearings_of(scene, first):
         load, wearing = OfPart(force_at, joint), OfPart(_wearing, joint)
         of_joint = {
             "load": Statistic("N", "mean load", load, PowerMean()),
             "wear": Statistic("N^(10/3) rad/s", "what wears the rings", wearing, PowerMean()),
             "peak": Statistic("N", "peak load", load, LARGEST),
         }
-        if scene.joints[joint] is not None:
+        bearing = scene.joints[joint]
+        if bearing is not None:
             depth, rate = (
-                OBSERVABLES[before(joint) + name]
+                scene.observables[scene.prefix(joint) + name]
                 for name in ("penetration_ratio", "penetration_rate")
             )
             friction = OfPart(_friction, joint)
@@ -97,9 +121,13 @@ def outputs_of(scene: AbstractScene) -> Chosen:
                 "approach": Statistic("m/s", "fastest approach", rate, LARGEST),
                 "friction": Statistic("W", "power of friction", friction, PowerMean()),
             }
+        if isinstance(bearing, RollerBearing):
+            pressure = OfPart(roller_pressure, joint)
+            of_joint["pressure"] = Statistic("Pa", "pressure", pressure, LARGEST)
+        if _swings(scene, joint):
+            rings = OfPart(ring_speed, joint)
+            of_joint["rings"] = Statistic("rad/s", "mean speed of the rings", rings, PowerMean())
         found |= {f"{joint} {name}": statistic for name, statistic in of_joint.items()}
-    if isinstance(scene.joints["main"], RollerBearing):
-        found["main pressure"] = Statistic("Pa", "pressure", roller_pressure, LARGEST)
     return tuple(found.items())
 
 
@@ -116,13 +144,15 @@ def _count(pieces: np.ndarray) -> tuple[float, float]:
     return value, error if value else NONE_SEEN / len(pieces)
 
 
-def bearing_sheet(turns: Turns) -> dict[str, dict[str, tuple[float, float]]]:
+def bearing_sheet(
+    turns: Turns, joint: str | None = None
+) -> dict[str, dict[str, tuple[float, float]]]:
     """Return the numbers of each bearing of a run, by joint and name, each with its scatter.
 
-    The `turns` hold the `outputs_of` their scene. Of a bearing of several side by side, life,
-    safety and pressure are those of one of them.
+    The `turns` hold the `outputs_of` their scene and joint. Of a bearing of several side by side,
+    life, safety and pressure are those of one of them.
     """
-    return {joint: _of_joint(turns, joint) for joint in bearings_of(turns.scene)}
+    return {one: _of_joint(turns, one) for one in bearings_of(turns.scene, joint)}
 
 
 def shaking_rms(turns: Turns) -> tuple[float, float]:
@@ -135,7 +165,9 @@ def _of_joint(turns: Turns, joint: str) -> dict[str, tuple[float, float]]:
     def of(name: str) -> np.ndarray:
         return turns.values[f"{joint} {name}"]
 
-    speed = float(turns.values["speed"].mean())
+    bearing = turns.scene.joints[joint]
+    rings = of("rings") if _swings(turns.scene, joint) else turns.values["speed"]
+    speed = float(rings.mean())
     worn, error = _mean(of("wear") / speed)
     equivalent = worn ** (1 / LIFE_EXPONENT)
     found = {
@@ -143,7 +175,6 @@ def _of_joint(turns: Turns, joint: str) -> dict[str, tuple[float, float]]:
         "equivalent_load": (equivalent, equivalent / LIFE_EXPONENT * error / worn),
         "peak_load": _peak(of("peak")),
     }
-    bearing = turns.scene.joints[joint]
     if isinstance(bearing, RollerBearing):
         many = float(bearing.bearings)
         hours = RATED_TURNS / (speed / (2 * np.pi) * HOUR)

@@ -2,8 +2,8 @@
 
 
 class StatisticNames:
-    """The names of the statistics in `jaxcrusher.crusher.statistics_table.STATISTIC`."""
+    """The names of the statistics in `jaxcrusher.crusher.template.STATISTIC`."""
 
 
 class ObservableNames:
-    """The names of the observables in `jaxcrusher.crusher.observables.OBSERVABLES`."""
+    """The names of the observables in `jaxcrusher.crusher.template.OBSERVABLES`."""

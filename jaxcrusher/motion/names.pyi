@@ -6,47 +6,50 @@ class StatisticNames:
     foundation_rms: Array
     foundation_mean: Array
     foundation_peak: Array
+    rod_tension_least: Array
     shaking_rms: Array
     contact_fraction: Array
     penetration_ratio: Array
     impact_speed: Array
     winding: Array
+    elbow_contact_fraction: Array
+    elbow_penetration_ratio: Array
+    elbow_impact_speed: Array
+    elbow_winding: Array
+    pivot_contact_fraction: Array
+    pivot_penetration_ratio: Array
+    pivot_impact_speed: Array
+    pivot_winding: Array
+    shaft_bearing_contact_fraction: Array
+    shaft_bearing_penetration_ratio: Array
+    shaft_bearing_impact_speed: Array
+    shaft_bearing_winding: Array
+    roller_pressure: Array
+    static_load_ratio: Array
+    bearing_life: Array
+    shaft_speed_least: Array
     foundation_smooth_peak: Array
+    joint_peak: Array
+    elbow_joint_peak: Array
+    pivot_joint_peak: Array
+    shaft_bearing_joint_peak: Array
     shaking_peak: Array
     shaking_moment_rms: Array
-    joint_peak: Array
-    sliding_power: Array
     drive_power: Array
+    bearing_stiffness: Array
+    elbow_bearing_stiffness: Array
+    pivot_bearing_stiffness: Array
+    shaft_bearing_bearing_stiffness: Array
+    sliding_power: Array
+    elbow_sliding_power: Array
+    pivot_sliding_power: Array
+    shaft_bearing_sliding_power: Array
     transmitted_rms: Array
     transmitted_peak: Array
     left_peak: Array
     right_peak: Array
     frame_displacement_peak: Array
     frame_velocity_rms: Array
-    rod_tension_least: Array
-    shaft_speed_least: Array
-    bearing_stiffness: Array
-    roller_pressure: Array
-    static_load_ratio: Array
-    bearing_life: Array
-    elbow_contact_fraction: Array
-    elbow_penetration_ratio: Array
-    elbow_impact_speed: Array
-    elbow_winding: Array
-    elbow_joint_peak: Array
-    elbow_sliding_power: Array
-    pivot_contact_fraction: Array
-    pivot_penetration_ratio: Array
-    pivot_impact_speed: Array
-    pivot_winding: Array
-    pivot_joint_peak: Array
-    pivot_sliding_power: Array
-    shaft_bearing_contact_fraction: Array
-    shaft_bearing_penetration_ratio: Array
-    shaft_bearing_impact_speed: Array
-    shaft_bearing_winding: Array
-    shaft_bearing_joint_peak: Array
-    shaft_bearing_sliding_power: Array
 
 class ObservableNames:
     normal_force: Array
@@ -54,25 +57,6 @@ class ObservableNames:
     eccentricity: Array
     penetration_ratio: Array
     penetration_rate: Array
-    foundation_force: Array
-    net_foundation_force: Array
-    shaking_force: Array
-    ground_force: Array
-    ground_moment: Array
-    joint_force: Array
-    bearing_reaction: Array
-    elbow_reaction: Array
-    toggle_reaction: Array
-    drive_torque: Array
-    drive_power: Array
-    shaft_speed: Array
-    crushing_load: Array
-    load_position: Array
-    pin_position: Array
-    jaw_position: Array
-    jaw_mass_centre: Array
-    jaw_velocity: Array
-    constraint_residual: Array
     elbow_normal_force: Array
     elbow_friction_force: Array
     elbow_eccentricity: Array
@@ -88,6 +72,26 @@ class ObservableNames:
     shaft_bearing_eccentricity: Array
     shaft_bearing_penetration_ratio: Array
     shaft_bearing_penetration_rate: Array
+    foundation_force: Array
+    net_foundation_force: Array
+    joint_force: Array
+    bearing_reaction: Array
+    elbow_reaction: Array
+    toggle_reaction: Array
+    crushing_load: Array
+    load_position: Array
+    pin_position: Array
+    jaw_position: Array
+    jaw_mass_centre: Array
+    jaw_velocity: Array
+    rod_tension: Array
+    shaking_force: Array
+    ground_force: Array
+    ground_moment: Array
+    drive_torque: Array
+    drive_power: Array
+    constraint_residual: Array
+    shaft_speed: Array
     left_force: Array
     right_force: Array
     transmitted_force: Array
@@ -96,4 +100,3 @@ class ObservableNames:
     frame_displacement: Array
     frame_velocity: Array
     frame_rotation: Array
-    rod_tension: Array

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import require, require_names, require_whole
+from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.basics.integrate import RESULTS, Integration, Outcome, integrate
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.mechanism.reductions import Chosen, of_slices
@@ -183,7 +183,7 @@ def poincare_section(
     require_whole("settle_turns", settle_turns, 0)
     require_whole("turns", turns, 1)
     require_whole("slices", slices, 0)
-    require_names("outputs", outputs, tuple(scene.statistics))
+    scene.require_outputs(outputs, scene.statistics)
     require_steady(scene)
     free = scene.drive.initial() is not None
     require(not free, "scene", "have a shaft of constant speed", scene.drive)

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import concrete, require, require_names
+from jaxcrusher.basics.checks import concrete, require
 from jaxcrusher.basics.integrate import (
     Carried,
     Integration,
@@ -20,9 +20,10 @@ from jaxcrusher.basics.integrate import (
 )
 from jaxcrusher.basics.record import Printed
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.crusher.observables import OBSERVABLES, OF_ROD
+from jaxcrusher.crusher.machine import JOINTS
+from jaxcrusher.crusher.template import CRUSHER
 from jaxcrusher.mechanism import observables
-from jaxcrusher.mechanism.observables import OF_SUPPORTS
+from jaxcrusher.mechanism.quantities import Parts, observables_of
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import Flow, unflattened
 from jaxcrusher.motion.method import Method, resolve, warn_of_slopes
@@ -42,10 +43,9 @@ ENERGIES = {
     "potential": observables.potential_energy,
     "elastic": observables.elastic_energy,
 }
-# What `simulate` can report of any scene; units stand in
-# `jaxcrusher.crusher.observables.OBSERVABLES`. A frame on supports has `OF_SUPPORTS` besides, and a
-# tension rod `OF_ROD`.
-OUTPUTS = (*(name for name in OBSERVABLES if name not in OF_SUPPORTS | OF_ROD), "energy")
+# What `simulate` can report of any crusher. One with further loose joints, on supports or with a
+# tension rod has more: `scene.observables` has all, with units.
+OUTPUTS = (*observables_of(CRUSHER, Parts(JOINTS, ())), "energy")
 
 
 def _works(scene: AbstractScene) -> dict[str, Callable]:
@@ -142,10 +142,8 @@ def simulate(
 
     - `scene`: what to simulate; its numbers may be traced.
     - `times`: shape (times,), in s, increasing, not negative.
-    - `outputs`: the names of what to compute, any of `jaxcrusher.OUTPUTS` and, of a frame on
-      supports or with a rod, of `OF_SUPPORTS` and `OF_ROD` of
-      `jaxcrusher.crusher.observables`; the rest is neither computed nor
-      traced. None is all that the scene has.
+    - `outputs`: the names of what to compute, any of `scene.observables` and `energy`; the rest is
+      neither computed nor traced. None is all that the scene has.
     - `state`: at time zero, in place of the scene's start: shape (dims,), with the shaft at angle
       zero, as `Statistics.state` and `Section.state` have it.
     - `rtol`: tolerance of a step, in clearances and m/s. Forces over the first 20 ms of impacts
@@ -155,15 +153,15 @@ def simulate(
 
     **Returns:** a `Trajectory`.
 
-    Raises ValueError for unordered, negative or not finite times, unknown outputs, outputs of
-    supports asked of a clamped frame, and a state of another shape. A failed integration does not
+    Raises ValueError for unordered, negative or not finite times, outputs that the
+    scene does not have, and a state of another shape. A failed integration does not
     raise: see `Trajectory.success` and `.failure`. Warns of derivatives as `statistics` does.
     """
     require_set_up()
     require_times(times)
     how = resolve(scene, rtol, method, FIRST_STEP)
-    outputs = (*scene.own_observables, "energy") if outputs is None else outputs
-    require_names("outputs", outputs, (*scene.observables, "energy"))
+    outputs = (*scene.observables, "energy") if outputs is None else outputs
+    scene.require_outputs(outputs, scene.observables, "energy")
     found = _simulate(scene, jnp.asarray(times, dtype=float), state, how, tuple(outputs))
     start = scene.drive.crank(jnp.zeros(()), scene.drive.initial())
     warn_of_slopes(found, found.outcome, start.speed)

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
-from jaxcrusher.basics.checks import nan_unless, require_names, require_whole
+from jaxcrusher.basics.checks import nan_unless, require_whole
 from jaxcrusher.basics.following import Following, Instant
 from jaxcrusher.basics.integrate import (
     Carried,
@@ -22,7 +22,6 @@ from jaxcrusher.basics.integrate import (
 )
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.joint.validity import Validity, validity
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.reductions import (
     SAMPLES,
     AbstractFollowed,
@@ -158,10 +157,9 @@ def statistics(
 
     - `scene`: what to simulate; its numbers may be traced.
     - `settle_turns`, `turns`: whole numbers, >= 0 and >= 1.
-    - `outputs`: any of `jaxcrusher.STATISTICS` and `FURTHER_STATISTICS`, the same of another
-      loose joint with `elbow_`, `pivot_` or `shaft_bearing_` before the name, and those of the
-      user's own (`scene.with_statistics`); the rest is neither computed nor traced. None is
-      `STATISTICS`, of each joint that is loose, and the user's.
+    - `outputs`: any of `scene.statistics`, which has the user's own (`scene.with_statistics`) too;
+      the rest is neither computed nor traced. None is `scene.usual_statistics`: of a crusher
+      `jaxcrusher.STATISTICS`, and the same of each other loose joint with its name before.
     - `state`: to start from, shape (dims,), as `Statistics.state` and `Section.state` have it, in
       place of the scene's start.
     - `rtol`, `method`: as in `jaxcrusher.simulate`, with time in radians of phase and
@@ -171,8 +169,8 @@ def statistics(
     time and counts are followed from step to step of the integrator, a peak as the top of the
     parabola through the ends of three steps. What is `Sampled` is seen at 1024 instants a turn.
 
-    Raises ValueError for counts that are not whole numbers in range, unknown outputs, a state of
-    another shape, and a sliding power asked of a scene without friction.
+    Raises ValueError for counts that are not whole numbers in range, outputs that the scene does
+    not have, and a state of another shape.
 
     Warns, once in a process, where a derivative outside of `jax.jit` is of a motion so sensitive
     that it says nothing of others (docs/gradients.md).
@@ -182,7 +180,7 @@ def statistics(
     require_whole("turns", turns, 1)
     how = resolve(scene, rtol, method)
     outputs = scene.usual_statistics if outputs is None else outputs
-    require_names("outputs", outputs, tuple(scene.statistics))
+    scene.require_outputs(outputs, scene.statistics)
     found = over_turns(scene, state, settle_turns, turns, scene.entries(outputs), how)
     warn_of_slopes(found, found.outcome)
     return found
@@ -224,17 +222,22 @@ def by_turns(
 def limits_of(scene: AbstractScene, values: Mapping[str, Scalar]) -> Validity:
     """Return the limits of the contact model, as far as these statistics tell them.
 
-    They are those of the main joint, and in `others` those of the other loose joints and of what
-    else has limits, such as a rod. An ideal main joint keeps to them, and one that there is not.
+    They are those of the joint without a prefix, and in `others` those of the other loose joints
+    and of what else has limits, such as a rod. An ideal one keeps to them, and one that there is
+    not.
     """
     parts: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
-        joint: (functools.partial(validity, one), tuple(before(joint) + n for n in OF_CONTACT))
+        joint: (
+            functools.partial(validity, one),
+            tuple(scene.prefix(joint) + n for n in OF_CONTACT),
+        )
         for joint, one in scene.joints.items()
     }
-    if "main" not in parts:  # neither contact nor impacts; NaN if the run failed
+    main = next((joint for joint in scene.watched if not scene.prefix(joint)), "")
+    if main not in parts:  # neither contact nor impacts; NaN if the run failed
         none = 0 * next(iter(values.values()), jnp.zeros(()))
         values = {**values, "none": none}
-        parts["main"] = functools.partial(validity, None), ("none", "none")
+        parts[main] = functools.partial(validity, None), ("none", "none")
     parts |= scene.limits
     others = {
         part: limits(*(values[name] for name in names))
@@ -243,8 +246,8 @@ def limits_of(scene: AbstractScene, values: Mapping[str, Scalar]) -> Validity:
     }
     needed = dict.fromkeys(name for _, names in parts.values() for name in names)
     missing = tuple(name for name in needed if name not in values)
-    main = others.pop("main", Validity())
-    return dataclasses.replace(main, others=others, missing=missing)
+    first = others.pop(main, Validity())
+    return dataclasses.replace(first, others=others, missing=missing)
 
 
 def of_whirl(scene: AbstractScene) -> tuple[str, ...]:
@@ -252,9 +255,8 @@ def of_whirl(scene: AbstractScene) -> tuple[str, ...]:
 
     An ideal crusher has statistics of its main joint all the same.
     """
-    main = ("main",) if "contact_fraction" in scene.statistics else ()
-    names = scene.joints.names or main
-    return scene.leading, *(before(n) + of for n in names for of in ("contact_fraction", "winding"))
+    prefixes = map(scene.prefix, scene.joints.names or scene.watched)
+    return scene.leading, *(at + of for at in prefixes for of in ("contact_fraction", "winding"))
 
 
 def statistics_problem(

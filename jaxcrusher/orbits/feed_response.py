@@ -13,10 +13,9 @@ from jaxtyping import Array, Float, Scalar
 from jaxcrusher.basics.checks import nan_unless, primal, require, require_kind, require_own_process
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.basics.record import Printed
-from jaxcrusher.crusher.loads import Multiplied, RoughFeed
-from jaxcrusher.crusher.observables import foundation_force
-from jaxcrusher.crusher.scene import Scene, crusher_of
+from jaxcrusher.mechanism.acting import Multiplied, RoughFeed
 from jaxcrusher.mechanism.drives import ConstantSpeed
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.result import PeriodicOrbit, require_one
 from jaxcrusher.periodic.multipliers import of_slopes
@@ -45,7 +44,7 @@ class FeedResponse(Printed):
 
     angle: Float[Array, " nodes"]  # the phase, rad, over the period
     eccentricity: Float[Array, "nodes dims"]  # standard deviations, as `PeriodicOrbit.eccentricity`
-    force: Float[Array, " nodes"]  # standard deviation of |R_O| + |R_C|, N
+    force: Float[Array, " nodes"]  # standard deviation of the leading force, N
     rms: Scalar  # standard deviation of the RMS of one period, N
     expected_rms: Scalar  # RMS over very many turns, to second order in the scatter, N
     losses: Scalar  # times a turn that any joint is expected to lose contact
@@ -79,19 +78,24 @@ def feed_response(orbit: PeriodicOrbit) -> FeedResponse:
     require_own_process()
     require_kind("orbit", orbit, PeriodicOrbit, "jaxcrusher.periodic_orbit(scene)")
     require_one(orbit)
-    feed = crusher_of(orbit.scene).load
-    rough = isinstance(feed, RoughFeed)
-    require(rough, "orbit", "be of a scene with a load_scatter", "of one whose load repeats")
+    feeds = _feeds(orbit.scene)
+    must = "be of a scene with a load_scatter"
+    require(len(feeds) > 0, "orbit", must, "of one whose load repeats")
+    require(len(feeds) == 1, "orbit", "be of a scene with one rough feed", f"of {len(feeds)}")
     loose = orbit.eccentricity is not None and not orbit.scene.is_ideal
     require(loose, "orbit", "be of a scene with a clearance joint", "of an ideal one")
-    assert isinstance(feed, RoughFeed)
     # The feed is random over the shaft's angle, and the response to it is that over the phase.
     even = isinstance(orbit.scene.drive, ConstantSpeed)
     require(even, "orbit", "be of a shaft at constant speed", "of an uneven one")
-    known = primal(feed.bandwidth)
+    known = primal(feeds[0][1].bandwidth)
     narrow = known is None or bool(known <= WIDEST)
     require(narrow, "orbit", f"be of a load_bandwidth of {WIDEST:g} at most", known)
     return _response(orbit)
+
+
+def _feeds(scene: Scene) -> list[tuple[int, RoughFeed]]:
+    """Return the rough feeds of a scene, each with its place among the pushes."""
+    return [(i, one) for i, one in enumerate(scene.pushes) if isinstance(one, RoughFeed)]
 
 
 class _Seen(eqx.Module):
@@ -104,8 +108,7 @@ class _Seen(eqx.Module):
 
 @eqx.filter_jit
 def _response(orbit: PeriodicOrbit) -> FeedResponse:
-    feed, period = crusher_of(orbit.scene).load, orbit.period
-    assert isinstance(feed, RoughFeed)
+    ((_, feed),), period = _feeds(orbit.scene), orbit.period
     about = linearised(orbit)
     system, free, multipliers = about.system, about.modes, about.multipliers
     motion, force, depth = about.motion, about.force, about.depth
@@ -151,7 +154,7 @@ class Linearised(eqx.Module):
     system: System
     angle: Float[Array, " nodes"]
     motion: _Seen  # x''
-    force: _Seen  # on the foundation
+    force: _Seen  # the leading one: of a crusher |R_O| + |R_C|
     depth: _Seen  # elastic force of each joint
     slopes: tuple[Array, Array]  # df/dx and df/dx' at the nodes
     multipliers: Array
@@ -166,7 +169,8 @@ def linearised(orbit: PeriodicOrbit) -> Linearised:
     x = resample(orbit.eccentricity, count)
     angle, place, rate = system.at(x, count)
     states = jnp.concatenate([place, rate, jnp.zeros((count, 1))], axis=1)
-    motion, force, depth = _seen_along(system, angle, states)
+    ((place_of_feed, _),) = _feeds(orbit.scene)
+    motion, force, depth = _seen_along(system, angle, states, place_of_feed)
     by_x, by_rate = jnp.split(motion.slope[:, :, :-1], 2, axis=2)
     slopes = by_x, by_rate
     multipliers = of_slopes(slopes, system.period).values  # the orbit's, with slopes
@@ -175,21 +179,26 @@ def linearised(orbit: PeriodicOrbit) -> Linearised:
 
 
 def _seen_along(
-    system: System, angle: Float[Array, " nodes"], states: Float[Array, "nodes states"]
+    system: System, angle: Float[Array, " nodes"], states: Float[Array, "nodes states"], feed: int
 ) -> tuple[_Seen, _Seen, _Seen]:
-    """Return x'', the force on the foundation, and the elastic force of each joint."""
+    """Return x'', the leading force, and the elastic force of each joint.
+
+    `feed` is the place of the rough feed among the pushes.
+    """
     dims = states.shape[1] // 2
+    leading = system.args.statistics[system.args.leading].quantity
 
     def seen(angle: Scalar, state: Array, scene: Scene) -> Array:
-        assert scene.load is not None
         place, rate, factor = state[:dims], state[dims:-1], 1 + state[-1]
-        scene = dataclasses.replace(scene, load=Multiplied(scene.load, factor))
+        pushes = list(scene.pushes)
+        pushes[feed] = Multiplied(pushes[feed], factor)
+        scene = dataclasses.replace(scene, pushes=tuple(pushes))
         snapshot = forced.snapshot(angle, place, rate, scene)
         elastic = scene.joints.map(
             lambda joint, contact: joint.normal.elastic_force(contact.penetration),
             snapshot.contacts,
         )
-        forces = foundation_force(snapshot, scene), *elastic.values
+        forces = leading(snapshot, scene), *elastic.values
         return jnp.append(forced.acceleration(angle, place, rate, scene), jnp.stack(forces))
 
     def along(angle: Scalar, state: Array, one: Array, other: Array, scene: Scene) -> _Seen:

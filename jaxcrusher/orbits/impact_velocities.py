@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxcrusher.joint.normal import ConstantImpactVelocity
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import initial_state, unflattened
@@ -29,7 +28,7 @@ def settled_velocities(scene: AbstractScene, spent: Spent) -> dict[str, Array] |
     None where contact is not kept within an effort: each impact then sets another velocity.
     Concrete values only.
     """
-    outputs = tuple(f"{before(name)}contact_fraction" for name in scene.joints.names)
+    outputs = tuple(f"{scene.prefix(name)}contact_fraction" for name in scene.joints.names)
     state = initial_state(scene)
     for _ in range(spent.bounds.turns // TURNS):
         for _ in range(TURNS // PIECE):

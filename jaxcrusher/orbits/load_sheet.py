@@ -11,10 +11,7 @@ import xarray as xr
 from jaxtyping import Complex, Float, Scalar
 
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.machine import LETTERS
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.joint.rollers import RollerBearing
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.observables import OF_SUPPORTS
 from jaxcrusher.mechanism.reductions import (
     LARGEST,
@@ -98,14 +95,13 @@ def joint_states(scene: AbstractScene) -> str:
         if one is not None:
             rolls = "rollers and " if isinstance(one, RollerBearing) else ""
             state = f"has {rolls}a radial clearance of {1e3 * float(one.clearance):.4g} mm"
-        name = "main bearing" if joint == "main" else joint.replace("_", " ")
-        states.append(f"{name} {LETTERS.get(joint, '')} {state}".replace("  ", " "))
+        states.append(f"{scene.template.joint(joint).words} {state}")
     return ", ".join(states)
 
 
 def quantities_of(scene: AbstractScene) -> dict[str, Observable]:
     """Return what a sheet looks at along a motion."""
-    names = [f"{before(joint)}{DEPTH}" for joint in scene.joints.names]
+    names = [f"{scene.prefix(joint)}{DEPTH}" for joint in scene.joints.names]
     if scene.supports is None:
         names += ["ground_force", "ground_moment"]
         return {name: scene.observables[name] for name in names}
@@ -306,8 +302,8 @@ def _on_frame(scene: AbstractScene) -> Forces:
     force, moment, place = f"{what}_force", f"{what}_moment", _place(scene)
     about = "G" if scene.supports is not None else "the foundation's point"
     if scene.foundation is None:
-        about = "C" if isinstance(scene, Scene) else "the frame's origin"
-    bearing = LETTERS.get(scene.linkage.bearing, scene.linkage.bearing)
+        about = scene.template.origin
+    bearing = scene.title(scene.linkage.bearing)
     levels = {
         f"exciting moment about {about}": place,
         f"exciting moment at the shaft's level, about {bearing}": _bearing(scene),

@@ -21,7 +21,7 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.setup import require_set_up, warn_once
 from jaxcrusher.basics.traced import traced
-from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.files.table import COLUMNS, columns_of, dataset
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit

@@ -15,7 +15,6 @@ from jaxcrusher.basics.checks import (
     is_concrete,
     nan_unless,
     require,
-    require_names,
     require_own_process,
 )
 from jaxcrusher.basics.record import words
@@ -212,14 +211,15 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
         A phase is omega t, the shaft's angle at its mean speed, through all turns of the period.
 
-        None is all but those of an elbow and a pivot that are ideal, and of supports that are none.
-        Raises ValueError for a name that the scene's `observables` lack, and for a batch of orbits.
+        None is all that the scene has. Raises ValueError for a name that its `observables`
+        lack, and for a batch of orbits.
         """
         require_own_process()
         require_one(self)
-        outputs = self.scene.own_observables if outputs is None else outputs
-        require_names("outputs", outputs, tuple(self.scene.observables))
-        entries = tuple((name, self.scene.observables[name]) for name in outputs)
+        known = self.scene.observables
+        outputs = tuple(known) if outputs is None else outputs
+        self.scene.require_outputs(outputs, known)
+        entries = tuple((name, known[name]) for name in outputs)
         return seen_along(self, jnp.asarray(angles, dtype=float), entries)
 
 
@@ -273,7 +273,7 @@ def missing(scene: AbstractScene, period: int, result: RESULTS) -> PeriodicOrbit
         period,
         jnp.full((SAMPLES * period, dims // 2), jnp.nan),
         jnp.full(dims, jnp.nan),
-        dict.fromkeys(scene.own_statistics, nan),
+        dict.fromkeys(scene.statistics, nan),
         result=result,
         error=nan,
         least_penetration=nan,

@@ -13,7 +13,6 @@ from jaxcrusher.basics.checks import without_slopes
 from jaxcrusher.basics.loops import design_by_design
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.frame import frame_units
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.reductions import Chosen, of_slices, samples_of
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.tangents import same, sloped_turn
@@ -170,7 +169,7 @@ def least_penetrations_from(
 
 def _samples(scene: AbstractScene) -> Chosen:
     """Return what tells the unknowns of an orbit at 1024 instants a turn, as statistics do."""
-    names = [before(joint) + "eccentricity" for joint in scene.joints.names]
+    names = [scene.prefix(joint) + "eccentricity" for joint in scene.joints.names]
     if scene.supports is not None:
         names += ["frame_displacement", "frame_rotation"]
     return samples_of({f"path of {name}": scene.observables[name] for name in names})
@@ -185,7 +184,7 @@ def _relative(scene: AbstractScene, seen: dict[str, PyTree[Array]]) -> Float[Arr
 
     paths = {name: whole(one) for name, one in seen.items() if name.startswith("path")}
     relative = [
-        paths[f"path of {before(name)}eccentricity"] / joint.clearance
+        paths[f"path of {scene.prefix(name)}eccentricity"] / joint.clearance
         for name, joint in scene.joints.items()
     ]
     if scene.supports is not None:

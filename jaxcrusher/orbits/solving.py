@@ -14,7 +14,6 @@ from jax.custom_batching import sequential_vmap
 from jaxtyping import Array, ArrayLike, Bool, Float, Int, Scalar
 
 from jaxcrusher.basics.loops import design_by_design, one_by_one
-from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.reductions import SAMPLES, AbstractMean, Chosen, of_slices
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
@@ -336,7 +335,7 @@ def _statistics(
 
     values = {name: reduce(name) for name in statistics}
     error = jnp.abs(reduce(scene.leading, 2) / values[scene.leading] - 1)
-    names = [f"{before(joint)}penetration_ratio" for joint in scene.joints.names]
+    names = [f"{scene.prefix(joint)}penetration_ratio" for joint in scene.joints.names]
     depths = [jnp.min(_finer(samples[statistics[name].quantity])) for name in names]
     least = jnp.min(jnp.stack(depths)) if depths else jnp.zeros(())
     return values, jax.lax.stop_gradient(error), least

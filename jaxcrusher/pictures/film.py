@@ -7,9 +7,8 @@ import matplotlib.pyplot as plt
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, HTMLWriter, PillowWriter
 
 from jaxcrusher.basics.checks import require, require_choice, require_whole
-from jaxcrusher.crusher.scene import Scene
 from jaxcrusher.files.durable import writing
-from jaxcrusher.mechanism.linkage_scene import LinkageScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.pictures.mechanism import Drawing
 
@@ -17,7 +16,7 @@ SUFFIXES = (".gif", ".html", ".mp4")
 
 
 def animate(
-    scene: Scene | LinkageScene,
+    scene: Scene,
     trajectory: Trajectory,
     path: str | Path,
     *,

@@ -5,7 +5,7 @@ A crusher has outlines for the eye, and beside it the magnified clearances of A,
 
 import itertools
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -18,39 +18,28 @@ from matplotlib.patches import Circle, Polygon
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import Arm
-from jaxcrusher.crusher.machine import LETTERS
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.outline import (
+    BLUE,
+    GREEN,
+    JAW,
+    ORANGE,
+    PIN,
+    PURPLE,
+    Dot,
+    Inset,
+    Outline,
+    Shape,
+)
+from jaxcrusher.crusher.outline import DRAWN as DRAWN
 from jaxcrusher.mechanism.linkage import Linkage, Point
-from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.motion import ideal_at_rest
-from jaxcrusher.mechanism.named import before
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.motion.simulation import Trajectory
-from jaxcrusher.pictures.plots import BLUE, GREEN, ORANGE, PURPLE
 
-# Force of a crusher -> symbol, colour, where it acts, and which end of the arrow is there: the
-# frame pushes, so that R_O and F_A, almost equal, do not cover each other.
-FORCES = {
-    "bearing_reaction": ("$R_O$", BLUE, "O", "tip"),
-    "toggle_reaction": ("$R_C$", GREEN, "C", "tip"),
-    "joint_force": ("$F_A$", ORANGE, "A", "tail"),
-    "crushing_load": ("$F_{load}$", PURPLE, "load_position", "tail"),
-}
-# What a trajectory of a crusher must hold to be drawn; its pin tells the angle of a free shaft.
-DRAWN = ("pin_position", "eccentricity", *FORCES, "load_position")
-# Of a joint: the force on the bore and its sign, and where its inset lies.
-INSETS = {
-    "main": ("joint_force", 1, (0.01, 0.52, 0.37, 0.45)),
-    "elbow": ("elbow_reaction", 1, (0.01, 0.31, 0.37, 0.16)),
-    "pivot": ("toggle_reaction", -1, (0.01, 0.095, 0.37, 0.16)),
-}
-# The longest arrow in lengths of the jaw, and of another linkage in spans; half of a slider's
-# length in spans, and the widest magnified gap in radii of the bore.
-LONGEST_ARROW, LONGEST_OF_LINKAGE, HALF, WIDEST_GAP = 0.4, 0.3, 0.04, 0.35
-# The outline of the jaw in bore radii, along B-A from A and across it to the face; from B below.
-# The sign of the frame in the same.
-HUB, FACE, FOOT, SIGN = 1.25, 1.35, 0.35, 0.45
-JAW, TOGGLE, PIN = "0.88", "0.7", "#dbe9f6"
+# The longest arrow and half of a slider's length in spans of a linkage, and the widest magnified
+# gap in radii of the bore.
+LONGEST, HALF, WIDEST_GAP = 0.3, 0.04, 0.35
 COLOURS = (BLUE, GREEN, PURPLE, "0.3", "tab:brown", "tab:olive")
 # How arrows are drawn, in the axes' own units, and what stands beside one.
 ARROW: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "minlength": 0, "zorder": 5}
@@ -62,7 +51,7 @@ _HATCHED: dict[str, Any] = {"facecolor": "w", "edgecolor": "k", "hatch": "////"}
 
 
 def plot_mechanism(
-    scene: Scene | LinkageScene, trajectory: Trajectory, instant: int = 0, ax: Axes | None = None
+    scene: Scene, trajectory: Trajectory, instant: int = 0, ax: Axes | None = None
 ) -> Axes:
     """Draw a mechanism (m) at the trajectory's time of index `instant`, with ideal joints.
 
@@ -85,33 +74,6 @@ def plot_mechanism(
     return ax
 
 
-class _Part(NamedTuple):
-    """A figure of a body: corners in its axes (m), and how it is drawn."""
-
-    body: str
-    corners: Iterable[tuple[float, float]]
-    style: dict[str, Any]
-
-
-class _Dot(NamedTuple):
-    """A point with its name so many points beside it, and how it is drawn."""
-
-    point: Point
-    beside: tuple[int, int]
-    style: dict[str, Any]
-
-
-class _Look(NamedTuple):
-    """What is drawn of a mechanism: its bodies, points by their names, and forces by theirs."""
-
-    parts: list[_Part]
-    dots: dict[str, _Dot]
-    forces: dict[str, tuple[str, str, str, str]]  # as in `FORCES`
-    longest: float  # arrow, m
-    sign: float  # size of the sign of the frame, m
-    limits: Float[np.ndarray, "2 2"]  # of x and of y, m
-
-
 class Drawing:
     """The artists of a mechanism, made once and moved from instant to instant.
 
@@ -120,26 +82,28 @@ class Drawing:
 
     def __init__(
         self,
-        scene: Scene | LinkageScene,
+        scene: Scene,
         trajectory: Trajectory,
         ax: Axes,
         instants: Iterable[int],
     ):
         self.ax, self.time, shown = ax, np.asarray(trajectory.time), list(instants)
-        count, is_crusher = len(self.time), isinstance(scene, Scene)
-        magnified = [joint for joint in INSETS if is_crusher and joint in scene.joints]
-        needed = list(DRAWN) if is_crusher else []
+        count, outline = len(self.time), scene.template.outline
+        look = None if outline is None else outline(scene)
+        insets = {} if look is None else look.insets
+        magnified = [joint for joint in insets if joint in scene.joints]
+        needed = [] if look is None else list(look.needed)
         for joint in magnified:
-            needed += [before(joint) + "eccentricity", INSETS[joint][0]]
+            needed += [scene.prefix(joint) + "eccentricity", insets[joint][0]]
         for name in needed:
             require(name in trajectory.values, "trajectory", f"hold '{name}'", "without it")
         good = len(shown) > 0 and all(-count <= i < count for i in shown)
         require(good, "instant", f"be the index of one of {count} times", shown)
-        angles = _angles(scene, trajectory)
-        look = _crusher(scene) if isinstance(scene, Scene) else _linkage(scene, angles, trajectory)
+        angles = _angles(scene, trajectory, None if look is None else look.pin)
+        look = _linkage(scene, angles, trajectory) if look is None else look
         self._frame(scene.linkage, look)
         self.parts = []
-        for body, corners, style in look.parts:
+        for body, corners, style in look.shapes:
             arms = [Point(body, Arm(*corner)) for corner in corners]
             patch = ax.add_patch(Polygon(np.zeros((2, 2)), **style))
             self.parts.append((patch, _places(scene.linkage, arms, angles)))
@@ -163,15 +127,17 @@ class Drawing:
         if look.forces:
             unit = _round_down(0.6 * largest)
             ax.quiverkey(arrow, 0.14, 0.05, unit, f"{unit / 1e3:g} kN", labelpos="E", color="k")
-        self.insets = [_Magnified(ax, scene, joint, largest, places) for joint in magnified]
-        if is_crusher:
-            self._fixed_jaw(look.longest / LONGEST_ARROW, look.sign / SIGN)
+        self.insets = [
+            _Magnified(ax, scene, joint, look.insets[joint], largest, places) for joint in magnified
+        ]
+        if look.fixed_jaw is not None:
+            self._fixed_jaw(*look.fixed_jaw)
         x, y = look.limits
         ax.set(xlim=x, ylim=y, aspect="equal", xlabel="x (m)", ylabel="y (m)")
-        if not is_crusher:
+        if outline is None:
             ax.legend(loc="center left", bbox_to_anchor=(1, 0.5), frameon=False)
 
-    def _frame(self, linkage: Linkage, look: _Look) -> None:
+    def _frame(self, linkage: Linkage, look: Outline) -> None:
         """Draw what stands still: bearings in the frame, and the lines of slides."""
         for joint in linkage.joints.values:
             for end in (joint.bore, joint.pin):
@@ -220,17 +186,18 @@ class Drawing:
         self.ax.set_title(f"t = {1e3 * self.time[instant]:.2f} ms")
 
 
-def _angles(scene: Scene | LinkageScene, trajectory: Trajectory) -> Float[Array, " n"]:
-    """Return the angle of the crank at each time, of a free shaft by where its pin is."""
+def _angles(scene: Scene, trajectory: Trajectory, pin: str | None) -> Float[Array, " n"]:
+    """Return the angle of the crank at each time, of a free one by where its pin is."""
     if scene.drive.initial() is None:
         return jax.vmap(lambda time: scene.drive.crank(time, None).angle)(
             jnp.asarray(trajectory.time)
         )
-    if not isinstance(scene, Scene):
-        raise ValueError(
-            "Argument `scene` must have a crank of given speed to be drawn, but has a free one."
-        )
-    arm = jnp.asarray(trajectory["pin_position"]) - scene.machine.bearing.array()
+    must = "have a crank of given speed to be drawn"
+    require(pin is not None, "scene", must, "a free one")
+    assert pin is not None
+    linkage = scene.linkage
+    bearing = linkage.side_of(linkage.bearing, FRAME).vector().array()
+    arm = jnp.asarray(trajectory[pin]) - bearing
     return jnp.arctan2(arm[:, 1], arm[:, 0])
 
 
@@ -250,46 +217,14 @@ def _places(linkage: Linkage, points: list[Point], angles: Float[Array, " n"]) -
     return np.asarray(_seen(linkage, points, angles))
 
 
-def _crusher(scene: Scene) -> _Look:
-    """Return the look of a crusher; an ideal joint has no radius, and 0.19 is the paper's."""
-    machine, linkage = scene.machine, scene.linkage
-    size, toggle = float(machine.jaw.length), float(machine.toggle.length)
-    r = 0.19 * size if scene.joint is None else float(scene.joint.bore_radius)
-    throw, bearing = float(machine.shaft.eccentricity), np.asarray(machine.bearing.array())
-    # Along B-A from A, across it away from the face.
-    jaw = [(0.0, HUB * r), (-size, 0.4 * r), (-size - FOOT * r, 0.0)]
-    face = [(-size - FOOT * r, -FACE * r), (0.9 * HUB * r, -FACE * r)]
-    jaw += [*face, (HUB * r, -0.5 * r), (0.9 * r, 0.9 * r)]
-    half, turned = 0.18 * r, np.linspace(0, 2 * np.pi, 61)
-    plate = [(0.0, half), (toggle, half), (toggle, -half), (0.0, -half)]
-    pin = zip(throw + r * np.cos(turned), r * np.sin(turned), strict=True)
-    line = {"closed": False, "fill": False}
-    parts = [
-        _Part("jaw", jaw, {"facecolor": JAW, "edgecolor": "k"}),
-        _Part("jaw", face, {**line, "edgecolor": "k", "linewidth": 3, "capstyle": "butt"}),
-        _Part("toggle", plate, {"facecolor": TOGGLE, "edgecolor": "k"}),
-        _Part("shaft", pin, {"facecolor": PIN, "edgecolor": "k"}),
-        _Part("shaft", [(0.0, 0.0), (throw + r, 0.0)], {**line, "edgecolor": "0.4"}),
-    ]
-    named = {LETTERS[name]: joint.pin for name, joint in linkage.joints.items()}
-    named["$S_2$"] = linkage.centre("jaw")
-    offsets = {"O": (-18, -4), "A": (7, 4), "B": (9, -14), "C": (5, 9), "$S_2$": (8, -4)}
-    styles = {name: {"marker": "o", "markersize": 6} for name in named}
-    styles |= {"$S_2$": {"marker": "P", "markersize": 7}}
-    dots = {name: _Dot(point, offsets[name], styles[name]) for name, point in named.items()}
-    right, top = bearing + HUB * r
-    limits = np.array([(-0.95 * size, right + 0.63 * size), (-0.55 * size, top + 0.3 * size)])
-    return _Look(parts, dots, FORCES, LONGEST_ARROW * size, SIGN * r, limits)
-
-
-def _linkage(scene: LinkageScene, angles: Float[Array, " n"], trajectory: Trajectory) -> _Look:
+def _linkage(scene: Scene, angles: Float[Array, " n"], trajectory: Trajectory) -> Outline:
     """Return the look of any linkage, by its joints and points."""
     linkage, dots, parts = scene.linkage, {}, []
     for name, joint in linkage.joints.items():
         end = joint.bore if joint.pin.body == FRAME else joint.pin  # the one that moves
         loose = name in scene.joints
         size = {"markersize": 10 if loose else 5, "markeredgecolor": ORANGE if loose else "k"}
-        dots[name] = _Dot(end, (6, 6), {"marker": "o", **size})
+        dots[name] = Dot(end, (6, 6), {"marker": "o", **size})
     ends = [end for joint in linkage.joints.values for end in (joint.bore, joint.pin)]
     moving = [point for point in (*ends, *scene.points.values) if point.body != FRAME]
     every = _places(linkage, moving, angles).reshape(-1, 2)
@@ -306,12 +241,12 @@ def _linkage(scene: LinkageScene, angles: Float[Array, " n"], trajectory: Trajec
             outline = middle + HALF * span * np.array([(-2, -1), (2, -1), (2, 1), (-2, 1)])
         style = {"facecolor": colour, "edgecolor": colour, "alpha": 0.5, "linewidth": 4}
         style |= {"closed": len(outline) > 2, "joinstyle": "round", "label": body}
-        parts.append(_Part(body, outline.tolist(), style))
+        parts.append(Shape(body, outline.tolist(), style))
     forces = {f"{name}_reaction": ("", ORANGE, name, "tail") for name in scene.joints.names}
     forces = {name: how for name, how in forces.items() if name in trajectory.values}
     margin = 0.15 * span
     limits = np.stack([low - margin, high + margin], axis=1)
-    return _Look(parts, dots, forces, LONGEST_OF_LINKAGE * span, 0.03 * span, limits)
+    return Outline(parts, dots, forces, LONGEST * span, 0.03 * span, limits)
 
 
 class _Magnified:
@@ -320,21 +255,24 @@ class _Magnified:
     def __init__(
         self,
         ax: Axes,
-        scene: Scene | LinkageScene,
+        scene: Scene,
         joint: str,
+        how: Inset,
         largest: float,
         seen: dict[str, np.ndarray],
     ):
-        bearing, (force, sign, place) = scene.joints.at(joint), INSETS[joint]
+        bearing, (force, sign, place) = scene.joints.at(joint), how
         radius, clearance = float(bearing.bore_radius), float(bearing.clearance)
         times = _round_down(WIDEST_GAP * radius / clearance)
         gap = times / radius * clearance
-        self.centres = times / radius * seen[before(joint) + "eccentricity"]
+        self.centres = times / radius * seen[scene.prefix(joint) + "eccentricity"]
         self.forces = sign * seen[force]
         inset = ax.inset_axes(place)
         limits = (-1.35, 1.35)
         inset.set(xlim=limits, ylim=limits, aspect="equal", xticks=[], yticks=[], facecolor=JAW)
-        inset.set_title(f"{LETTERS[joint]}: {1e3 * clearance:g} mm, times {times:g}", fontsize=9)
+        inset.set_title(
+            f"{scene.title(joint)}: {1e3 * clearance:g} mm, times {times:g}", fontsize=9
+        )
         inset.add_patch(Circle((0, 0), 1, facecolor="w", edgecolor="k", linewidth=1.5))
         inset.add_patch(Circle((0, 0), gap, fill=False, edgecolor="0.4", linestyle="--"))
         pin = Circle((0, 0), 1 - gap, facecolor=PIN, edgecolor="k", linewidth=1.5, alpha=0.8)

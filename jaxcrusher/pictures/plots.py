@@ -18,7 +18,10 @@ from matplotlib.patches import Patch
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.crusher.capacity import CrushingChamber
-from jaxcrusher.mechanism.named import before
+from jaxcrusher.crusher.outline import BLUE as BLUE
+from jaxcrusher.crusher.outline import GREEN as GREEN
+from jaxcrusher.crusher.outline import ORANGE as ORANGE
+from jaxcrusher.crusher.outline import PURPLE as PURPLE
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.scenes.echo import unit_of
@@ -41,7 +44,6 @@ STYLE: dict[Any, Any] = {
     "figure.titlesize": SMALLEST + 1,
 }
 # Okabe and Ito's.
-BLUE, ORANGE, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
 HATCHES = ("xx", "//", "..", "\\\\", "++", "oo")
 FORCE = "|R_O| + |R_C|"
 
@@ -173,11 +175,11 @@ def plot_orbit(
     clearance: float,
     ax: Axes | None = None,
     *,
-    joint: str = "main",
+    prefix: str = "",
 ) -> Axes:
-    """The centre of the pin of a joint, by its name, in its clearance circle (mm)."""
+    """The centre of a pin in its clearance circle (mm); `prefix` is that of its joint's results."""
     ax = plt.subplots()[1] if ax is None else ax
-    orbit = 1e3 * np.asarray(trajectory[f"{before(joint)}eccentricity"])
+    orbit = 1e3 * np.asarray(trajectory[f"{prefix}eccentricity"])
     angle = np.linspace(0, 2 * np.pi, 361)
     circle = 1e3 * clearance * np.array([np.cos(angle), np.sin(angle)])
     ax.plot(*circle, color="0.4", linestyle="--", linewidth=1, label="clearance")
@@ -197,8 +199,9 @@ def pins_and_force(
         1, len(widths), figsize=size, width_ratios=widths, layout="constrained", squeeze=False
     )
     for ax, (name, joint) in zip(axes[0], joints.items(), strict=False):
-        clearance, at = float(joint.clearance), "" if name == "main" else f"{name}: "
-        plot_orbit(seen, clearance, ax, joint=name)
+        clearance, prefix = float(joint.clearance), scene.prefix(name)
+        at = f"{name}: " if prefix else ""
+        plot_orbit(seen, clearance, ax, prefix=prefix)
         ax.set_title(f"{at}radial clearance {1e3 * clearance:.4g} mm")
     return fig, axes[0, -1]
 

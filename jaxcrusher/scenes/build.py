@@ -1,4 +1,4 @@
-"""The scene and the machine of a description.
+"""The scene of a description, and its parts.
 
 The paper is Wang, Cui, Wang, Appl. Sci. 2023, 13, 238: the PE250x400 of Tables 1 and 2.
 """
@@ -21,18 +21,16 @@ from jaxcrusher.basics.checks import (
     require_own_process,
     require_x64,
 )
-from jaxcrusher.basics.plane import Arm, Vector, direction
+from jaxcrusher.basics.plane import Arm, Vector, arm_to, direction
 from jaxcrusher.crusher.capacity import CrushingChamber, stroke
 from jaxcrusher.crusher.loads import (
-    AbstractLoad,
     ByAngle,
     HalfSineStroke,
     closing_stroke_of,
     crushing_bed,
-    rough_feed,
 )
-from jaxcrusher.crusher.machine import Jaw, Machine, Shaft, Toggle, with_counterweight
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.crusher.machine import crusher_linkage, require_crusher, with_counterweight
+from jaxcrusher.crusher.template import CRUSHER
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import (
@@ -41,12 +39,13 @@ from jaxcrusher.joint.normal import (
     cylinder_stiffness,
 )
 from jaxcrusher.joint.rollers import RollerBearing, Rollers
-from jaxcrusher.mechanism.acting import Spring
+from jaxcrusher.mechanism.acting import AbstractPush, Spring, rough_feed
 from jaxcrusher.mechanism.drives import ConstantSpeed, UnevenSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
-from jaxcrusher.mechanism.linkage import Point
+from jaxcrusher.mechanism.linkage import Body, Linkage, Point
 from jaxcrusher.mechanism.motion import ideal_at_rest
-from jaxcrusher.mechanism.scene import require_clearance
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.scene import Scene, require_clearance
 from jaxcrusher.mechanism.supports import AbstractFoundation, Clamped, OnSupports, soil_under
 from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.scenes.laws import LAWS
@@ -65,11 +64,11 @@ from jaxcrusher.scenes.parameters import (
 )
 from jaxcrusher.scenes.plausibility import warn_of_unusual
 
-# What a machine is made of, besides gravity.
-_OF_PARTS = [
+# What bodies and joints are made of.
+_OF_LINKAGE = [
     name
     for name in PE250X400
-    if name.partition(".")[0] in ("shaft", "jaw", "toggle", "bearing", "counterweight")
+    if name.partition(".")[0] in ("shaft", "jaw", "toggle", "bearing", "counterweight", "gravity")
 ]
 # What the stroke of the jaw's lower end depends on.
 LINKS = (
@@ -111,57 +110,62 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     slip, restitution, elasticity) is not used. Numbers that are unlikely together, as of a speed in
     rpm, are warned of once in a process for each of their values.
 
-    Raises ValueError as `check_described` and `complete` do, and as `Scene` and `Machine` do.
+    Raises ValueError as `check_described`, `complete`, `Scene` and `require_crusher` do, the
+    last one for all clearances at once.
     """
     require_x64()
     check_described(values)
     v = within_limits(complete(values))
-    machine, drive = build_machine(v), drive_of(v)
-    law, foundation, rod = _fed(_load(v, machine), v), foundation_of(v), _rod(v, machine)
-    main = None if v["joint"] == "ideal" else joint_of(v, "")
+    linkage, drive = build_linkage(v), drive_of(v)
+    load, foundation, rod = _fed(_load(v, linkage), v), foundation_of(v), _rod(v, linkage)
+    loose = {} if v["joint"] == "ideal" else {"main": joint_of(v, "")}
     worn = {joint: joint_of(v, f"{joint}.") for joint in WORN_JOINTS if f"{joint}.clearance" in v}
+    loose |= worn
+    require_crusher(linkage, sum(joint.clearance for joint in loose.values()))
     warn_of_unusual(values)
-    ideal = main is None and not worn
-    formulation = EccentricityFormulation() if ideal else LAWS["formulation"][v["formulation"]]()
+    formulation = LAWS["formulation"][v["formulation"]] if loose else EccentricityFormulation
     return Scene(
-        machine=machine,
+        linkage=linkage,
+        bearings=Named(loose),
         drive=drive,
-        joint=main,
-        load=law,
-        formulation=formulation,
-        start=None if ideal else LAWS["start"][v["start"]](),
+        pushes=() if load is None else (load,),
+        springs=() if rod is None else (rod,),
+        formulation=formulation(),
+        start=LAWS["start"][v["start"]]() if loose else None,
         foundation=foundation,
-        rod=rod,
-        elbow=worn.get("elbow"),
-        pivot=worn.get("pivot"),
-        shaft_bearing=worn.get("shaft_bearing"),
+        template=CRUSHER,
     )
 
 
-def build_machine(values: Mapping[str, Any]) -> Machine:
-    """The machine of a description, as in `build_scene`.
+def build_linkage(values: Mapping[str, Any]) -> Linkage:
+    """The bodies and joints of a description, as in `build_scene`.
 
-    Names that are not the machine's are passed over. Raises ValueError as `Machine` does.
+    Names that are not theirs are passed over. Raises ValueError as `require_crusher` does.
     """
     v: dict[str, Any] = {**PE250X400, **values}
-    shaft, jaw, toggle, bearing = _parts({name: v[name] for name in _OF_PARTS})
-    return Machine(shaft, jaw, toggle, bearing, v["gravity"])
+    linkage = _linkage({name: v[name] for name in _OF_LINKAGE})
+    require_crusher(linkage)
+    return linkage
 
 
 @jax.jit  # one program: its operations one by one took half of the time of a scene
-def _parts(v: dict[str, Any]) -> tuple[Shaft, Jaw, Toggle, Vector]:
-    """Return the bodies of a machine, and the place of its main bearing."""
+def _linkage(v: dict[str, Any]) -> Linkage:
+    """Return the bodies and joints of a crusher; what they must be is checked of known numbers."""
     s1 = v["shaft.mass_centre_radius"] * direction(v["shaft.mass_centre_angle"])
-    shaft = Shaft(v["shaft.mass"], v["shaft.inertia"], v["shaft.eccentricity"], s1)
+    shaft = Body(v["shaft.mass"], v["shaft.inertia"], arm_to(s1))
     # The paper's: S2 = A + l21 (sin(theta2 + 15 deg), -cos(theta2 + 15 deg)).
     s2 = -v["jaw.mass_centre_distance"] * direction(v["jaw.mass_centre_angle"])
     tilt = v["bearing.inclination"]
     weight = v["counterweight.radius"] * direction(v["counterweight.angle"])
-    return (
+    return crusher_linkage(
         with_counterweight(shaft, v["counterweight.mass"], weight),
-        Jaw(v["jaw.mass"], v["jaw.inertia"], v["jaw.length"], s2),
-        Toggle(v["toggle.mass"], v["toggle.inertia"], v["toggle.length"]),
-        v["bearing.distance"] * Vector(jnp.sin(tilt), jnp.cos(tilt)),
+        Body(v["jaw.mass"], v["jaw.inertia"], arm_to(s2)),
+        Body(v["toggle.mass"], v["toggle.inertia"], Arm(v["toggle.length"] / 2)),
+        eccentricity=v["shaft.eccentricity"],
+        jaw_length=v["jaw.length"],
+        toggle_length=v["toggle.length"],
+        bearing=v["bearing.distance"] * Vector(jnp.sin(tilt), jnp.cos(tilt)),
+        gravity=v["gravity"],
     )
 
 
@@ -170,7 +174,7 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
 
     The paper's own has 2b - s = 60.6 mm to the last bit: what differs from it counts from there.
     A number that only `jax.jit` knows and that lies outside its limits becomes NaN. Raises
-    ValueError for known ones, as `build_machine` does, and for a discharge opening that the stroke
+    ValueError for known ones, as `build_linkage` does, and for a discharge opening that the stroke
     closes.
     """
     require_own_process()
@@ -182,7 +186,7 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
     double_width = paper.double_width + 2 * (v[name] - PAPER_CHAMBER[name])
     if any(_differs(v[link], PE250X400[link]) for link in LINKS):
         travel = jax.jit(stroke)
-        double_width = double_width - (travel(build_machine(v)) - travel(build_machine({})))
+        double_width = double_width - (travel(build_linkage(v)) - travel(build_linkage({})))
     width, discharge = primal(double_width), primal(v[name])
     if width is None or discharge is None:
         double_width = nan_unless(double_width > v[name], double_width)
@@ -210,9 +214,9 @@ def by_stroke(values: Mapping[str, Any]) -> dict[str, Any]:
     require(not both, "stroke", "not stand beside shaft.eccentricity", "given with it")
     travel, found = jax.jit(stroke), float(wanted) / 2
     for _ in range(STEPS):
-        links = build_machine(described | {"shaft.eccentricity": found})
+        links = build_linkage(described | {"shaft.eccentricity": found})
         found *= float(wanted / travel(links))
-    off = abs(float(travel(build_machine(described | {"shaft.eccentricity": found}))) / wanted - 1)
+    off = abs(float(travel(build_linkage(described | {"shaft.eccentricity": found}))) / wanted - 1)
     must = "be one that the links reach"
     require(off < STROKE_ERROR, "stroke", must, readable("stroke", float(wanted)))
     return described | {"shaft.eccentricity": found}
@@ -238,7 +242,7 @@ def drive_of(values: Mapping[str, Any]) -> ConstantSpeed | UnevenSpeed:
     return UnevenSpeed(speed, *(values[name] for name in names))
 
 
-def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
+def _load(values: Mapping[str, Any], linkage: Linkage) -> AbstractPush | None:
     """Return the crushing load, None without."""
     law, along = values["load_law"], values.get("load_point")
     if along is not None:
@@ -248,7 +252,7 @@ def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
             require(bool(np.all(at <= length)), "load_point", must, at)
     if "load_edge" in values:
         require(law == "closing_stroke", "load_edge", "come with `load_law=closing_stroke`", law)
-        middle, span = closing_stroke_of(machine.linkage, along)
+        middle, span = closing_stroke_of(linkage, along)
         rise = values["load_edge"]
         width, edge = primal(span), primal(rise)
         if width is None or edge is None:
@@ -269,7 +273,7 @@ def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
         require(along is None, "load_point", "not come with `load_law=chamber`", "given")
         v = {**PAPER_CHAMBER, **values}
         names = "width", "height", "discharge", "nip_angle", "bed_modulus", "bed_exponent"
-        return crushing_bed(machine, *(v[f"chamber.{name}"] for name in names))
+        return crushing_bed(linkage, *(v[f"chamber.{name}"] for name in names))
     if law != "by_angle":
         return LAWS["load_law"][law](values["load"], along=along)
     require("load_curve" in values, "load_curve", "be given with `load_law=by_angle`", "missing")
@@ -277,7 +281,7 @@ def _load(values: Mapping[str, Any], machine: Machine) -> AbstractLoad | None:
     return ByAngle(load_curve(values["load_curve"]), direction, values["load_factor"], along)
 
 
-def _fed(load: AbstractLoad | None, values: Mapping[str, Any]) -> AbstractLoad | None:
+def _fed(load: AbstractPush | None, values: Mapping[str, Any]) -> AbstractPush | None:
     """Return the load of a rough feed, or the load itself where that does not scatter."""
     if "load_scatter" not in values:
         return load
@@ -330,7 +334,7 @@ def _on_soil(soil: Mapping[str, Any], speed: Any) -> dict[str, Any]:
     return under | {name: under[name] / 2 for name in halved}
 
 
-def _rod(values: Mapping[str, Any], machine: Machine) -> Spring | None:
+def _rod(values: Mapping[str, Any], linkage: Linkage) -> Spring | None:
     """Return the tension rod, None without."""
     if "rod.stiffness" not in values:
         return None
@@ -341,7 +345,7 @@ def _rod(values: Mapping[str, Any], machine: Machine) -> Spring | None:
     )
     rod = Spring(ends, v["stiffness"], 0.0, v["damping"], v["preload"], _SLACK)
     # It has its preload at theta1 = 0 with ideal joints.
-    length = rod.stretched(ideal_at_rest(machine.linkage, 0.0)).stretch
+    length = rod.stretched(ideal_at_rest(linkage, 0.0)).stretch
     return dataclasses.replace(rod, length=length)
 
 

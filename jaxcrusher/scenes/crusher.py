@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from jaxcrusher.crusher.capacity import stroke, stroke_ratio
-from jaxcrusher.crusher.scene import Scene
-from jaxcrusher.scenes.build import build_chamber, build_machine, build_scene
+from jaxcrusher.mechanism.scene import Scene
+from jaxcrusher.scenes.build import build_chamber, build_linkage, build_scene
 from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.machine import AbstractStructure, Machine
 from jaxcrusher.scenes.own_laws import check_described
@@ -112,7 +112,7 @@ class Crusher(AbstractStructure):
 
 def _crushing(values: Mapping[str, Any]) -> str:
     """Say stroke and capacity of a crusher."""
-    links, capacity = build_machine(values), build_chamber(values).capacity(values["speed"])
+    links, capacity = build_linkage(values), build_chamber(values).capacity(values["speed"])
     return (
         f"stroke at the discharge {1e3 * float(stroke(links)):.3g} mm horizontally, "
         f"{float(stroke_ratio(links)):.2f} times that vertically, capacity {float(capacity):.3g} "

@@ -55,10 +55,9 @@ from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AmbrosioFriction
 from jaxcrusher.mechanism.acting import AbstractPush, Push, PushByAngle, Spring
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
-from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.topology import FRAME, dyads_of
 from jaxcrusher.scenes.build import drive_of, foundation_of, joint_of
 from jaxcrusher.scenes.echo import all_said
@@ -162,7 +161,7 @@ class Drawing(AbstractStructure):
     points: tuple[tuple[str, str], ...]
     sides: tuple[int, ...]
 
-    def scene(self, values: Mapping[str, Any]) -> LinkageScene:
+    def scene(self, values: Mapping[str, Any]) -> Scene:
         """Return the scene of these numbers, which may be traced.
 
         A number that only `jax.jit` knows and that lies outside its limits becomes NaN. Raises
@@ -175,8 +174,8 @@ class Drawing(AbstractStructure):
             for name, *_ in self.joints
             if f"joints.{name}.clearance" in v
         }
-        return LinkageScene(
-            drawn=self.linkage(v),
+        return Scene(
+            linkage=self.linkage(v),
             bearings=Named(bearings),
             drive=drive_of(v),
             pushes=tuple(_push(v, *force) for force in self.forces),
@@ -624,7 +623,7 @@ def _levers(linkage: Linkage, angles: Any) -> list[Any]:
     return jax.vmap(one)(angles)
 
 
-def require_closing(scene: AbstractScene) -> None:
+def require_closing(scene: Scene) -> None:
     """Raise ValueError for known numbers by which a dyad is open, or dead, at some degree."""
     linkage = scene.linkage
     if not is_concrete(linkage):
@@ -663,7 +662,7 @@ def linkage_machine(**description: Any) -> Machine:
     return drawn(flattened(description), _number)
 
 
-def linkage(**description: Any) -> LinkageScene:
+def linkage(**description: Any) -> Scene:
     """Return the scene of a linkage; arguments and errors as of `linkage_machine`."""
     read = linkage_machine(**description)
     assert isinstance(read.structure, Drawing)

@@ -30,7 +30,7 @@ import numpy as np
 import pint
 
 from jaxcrusher.basics.checks import renamed, require, require_choice
-from jaxcrusher.crusher.scene import Scene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.scenes.build import build_scene, by_stroke
 from jaxcrusher.scenes.own_laws import is_own, law_class, make_known
 from jaxcrusher.scenes.parameters import (

@@ -190,7 +190,7 @@ def fork():
     if (child := os.fork()) == 0:
         signal.alarm(120)  # in place of waiting for ever
         try:
-            print(float(jc.build_scene({}).joint.clearance), flush=True)
+            print(float(jc.build_scene({}).joints.at("main").clearance), flush=True)
         except ValueError as error:
             print(error, flush=True)
         os._exit(0)

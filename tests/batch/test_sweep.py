@@ -14,7 +14,7 @@ import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_turn, map_all, map_chunks, side_by_side
 from jaxcrusher.batch.points import make_grid
 from jaxcrusher.batch.sweep import plan
-from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.scenes.machine import machine_of
 
 

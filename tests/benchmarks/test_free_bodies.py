@@ -198,7 +198,7 @@ def test_the_package_moves_as_free_bodies(formulation, joints):
     numbers = described(loose, slip) | {"formulation": formulation}
     numbers |= {f"{PREFIXES[joint]}slip": slip for joint in loose}
     scene = jc.build_scene({name: v for name, v in numbers.items() if name != "start"})
-    names = [name for name in scene.own_observables if "eccentricity" in name]
+    names = [name for name in scene.observables if "eccentricity" in name]
     assert f"{PREFIXES[loose[-1]]}eccentricity".replace(".", "_") in names
     forces = ("joint_force", "elbow_reaction", "toggle_reaction", "bearing_reaction")
     ours = jc.simulate(scene, times, outputs=(*names, *forces))

@@ -91,7 +91,9 @@ def test_statistics_tell_another_mean():
 
 def test_motion_that_is_not_finite_fails():
     scene = CASE.scene("eccentricity")
-    broken = eqx.tree_at(lambda s: s.joint.normal.stiffness, scene, scalar(float("nan")))
+    broken = eqx.tree_at(
+        lambda s: s.joints.at("main").normal.stiffness, scene, scalar(float("nan"))
+    )
     found = judgement.simulate(broken)
     assert not found.success
     assert found.failure
@@ -107,7 +109,7 @@ def test_scene_in_32_bits_is_refused():
 
 @pytest.mark.parametrize("young, clearance", [(207e9, 0.03e-3), (207e13, 0.06e-3), (207e9, 1e-6)])
 def test_corner_stays_small_beside_the_contact(young, clearance):
-    joint = jc.build_scene({"young": young, "clearance": clearance}).joint
+    joint = jc.build_scene({"young": young, "clearance": clearance}).joints.at("main")
     # 0.5 N of 15 kN; and |e| at touch-down right to 1e-9 clearances.
     assert joint.normal.elastic_force(scalar(0.0)) <= 0.501
     assert joint.norm_width**2 / (2 * clearance) <= 1e-9 * clearance

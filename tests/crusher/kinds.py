@@ -133,15 +133,15 @@ def _pushes(s, scene):
     """Return what pushes the frame less what it passes on or is accelerated by, and a size."""
     point = Vector(0.0, 0.0) if scene.foundation is None else scene.foundation.point
     pushes = [
-        (scene.machine.bearing, -ob.bearing_reaction(s, scene)),
+        (scene.linkage.joint("shaft_bearing").bore.arm.vector(), -ob.bearing_reaction(s, scene)),
         (Vector(0.0, 0.0), -ob.toggle_reaction(s, scene)),
     ]
-    if scene.load is not None:
+    if scene.pushes:
         ((_, load),) = s.applied.pushes
         pushes.append((ob.load_position(s, scene), -load))
-    if scene.rod is not None:
+    if scene.springs:
         (rod,) = s.applied.springs
-        pushes.append((scene.rod.ends[0].arm.vector(), rod.pull * rod.axis))
+        pushes.append((rod.spring.ends[0].arm.vector(), rod.pull * rod.axis))
     moment = -general.drive_torque(s, scene)
     for name, contact in s.contacts.items():
         if scene.linkage.joint(name).bore.body == FRAME:

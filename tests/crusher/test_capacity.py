@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import pytest
 
 from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber, lower_end, stroke
-from jaxcrusher.scenes.build import build_chamber, build_machine
+from jaxcrusher.scenes.build import build_chamber, build_linkage
 
 
 def test_paper_capacity():
@@ -31,7 +31,7 @@ def test_floor_and_speed_limit():
 
 
 def test_stroke_of_the_mechanism():
-    machine = build_machine({})
+    machine = build_linkage({})
     found = float(jax.jit(stroke)(machine))
     # 7.45 mm, an independent figure of three digits.
     assert found == pytest.approx(7.45e-3, abs=5e-6)
@@ -49,7 +49,7 @@ def test_chamber_of_a_description():
     longer |= {"chamber.loosening": 0.5, "chamber.height": 0.7, "gravity": 9.0}
     chamber = build_chamber(longer)
     # The paper's b is given to 0.1 um.
-    width = 2 * 0.05 - float(jax.jit(stroke)(build_machine(longer)))
+    width = 2 * 0.05 - float(jax.jit(stroke)(build_linkage(longer)))
     assert float(chamber.double_width) == pytest.approx(width, abs=1e-7)
     by_hand = width / 2 * 9.0 * (jnp.pi / 20) ** 2 / 2 * 0.6 * 0.5 * 60 * 20 * 30 / jnp.pi
     assert float(chamber.capacity(20.0)) == pytest.approx(float(by_hand), rel=1e-5)
@@ -74,7 +74,7 @@ def test_second_derivatives_of_the_stroke():
     """The angles of its ends move with the links."""
 
     def travel(share):
-        return stroke(build_machine({"toggle.length": 0.3 * share}))
+        return stroke(build_linkage({"toggle.length": 0.3 * share}))
 
     slope, step = jax.jit(jax.grad(travel)), 1e-3
     difference = (slope(1 + step) - slope(1 - step)) / (2 * step)

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 import jaxcrusher as jc
-from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.plane import Arm, Vector
 from jaxcrusher.crusher import observables as ob
 from jaxcrusher.crusher.loads import (
     AbstractLoad,
@@ -17,7 +17,7 @@ from jaxcrusher.crusher.loads import (
     JawMotion,
     NormalToJaw,
 )
-from jaxcrusher.crusher.machine import Machine
+from jaxcrusher.crusher.machine import crusher_linkage, lengths_of
 from jaxcrusher.mechanism.acting import push_power
 from jaxcrusher.mechanism.motion import Crank, moving
 from jaxcrusher.mechanism.named import Named
@@ -59,7 +59,7 @@ def scene_of(load, kind, **values):
     place = {"foundation.x": 0.2, "foundation.y": -0.1}
     scene = sliding(kind, **(place | LOADS[load] | values))
     own = load == "of one's own"
-    return eqx.tree_at(lambda s: s.load, scene, Drag(jnp.asarray(3e3))) if own else scene
+    return eqx.tree_at(lambda s: s.pushes[0], scene, Drag(jnp.asarray(3e3))) if own else scene
 
 
 @pytest.mark.parametrize(("load", "kind"), crossed(LOADS, KINDS, later=["all by multipliers"]))
@@ -147,7 +147,7 @@ def test_an_edged_load_is_refused_where_its_stroke_has_no_room_for_it():
 
     def edge(value):
         short = {"bearing.distance": 0.75, "load_point": 0.65, "load_edge": value}
-        return jc.build_scene(described | short).load.edge
+        return jc.build_scene(described | short).pushes[0].edge
 
     with pytest.raises(ValueError, match="be at most half of the closing stroke, 72"):
         edge(1.4)
@@ -156,24 +156,30 @@ def test_an_edged_load_is_refused_where_its_stroke_has_no_room_for_it():
 
 def test_a_mirrored_crusher_has_mirrored_loads():
     """With its elbow to the left of C-A a crusher has its fixed jaw to the left of its jaw."""
-    one = jc.build_scene({"joint": "ideal"}).machine
+    one = jc.build_scene({"joint": "ideal"}).linkage
 
-    def mirrored(vector, x, y):
-        return Vector(x * vector.x, y * vector.y)
+    def mirrored(body):
+        arm = body.mass_centre
+        return eqx.tree_at(lambda s: s.mass_centre, body, Arm(arm.x, -arm.y))
 
-    other = Machine(
-        eqx.tree_at(lambda s: s.mass_centre, one.shaft, mirrored(one.shaft.mass_centre, 1, -1)),
-        eqx.tree_at(lambda s: s.mass_centre, one.jaw, mirrored(one.jaw.mass_centre, 1, -1)),
-        one.toggle,
-        mirrored(one.bearing, -1, 1),
+    throw, jaw, toggle = lengths_of(one).values()
+    at = one.joint("shaft_bearing").bore.arm
+    other = crusher_linkage(
+        mirrored(one.body("shaft")),
+        mirrored(one.body("jaw")),
+        one.body("toggle"),
+        eccentricity=throw,
+        jaw_length=jaw,
+        toggle_length=toggle,
+        bearing=Vector(-at.x, at.y),
         elbow_side=1,
     )
     for angle in (0.3, 5.6):
         crank, back = Crank(jnp.asarray(angle), 30.0), Crank(jnp.asarray(np.pi - angle), -30.0)
         for load in (NormalToJaw(8e3, 0.5), ClosingStroke(8e3, 0.5)):
             here, there = (
-                load.force(JawMotion(moving(machine.linkage, turn, Named(), Named()))).force.array()
-                for machine, turn in ((one, crank), (other, back))
+                load.force(JawMotion(moving(linkage, turn, Named(), Named()))).force.array()
+                for linkage, turn in ((one, crank), (other, back))
             )
             np.testing.assert_allclose(there, here * np.array([-1.0, 1.0]), rtol=1e-9, atol=1e-6)
 
@@ -183,7 +189,7 @@ def test_a_bed_is_not_pressed_to_nothing():
     described = {"joint": "ideal", "load_law": "chamber"}
 
     def narrowest(discharge):
-        return jc.build_scene(described | {"chamber.discharge": discharge}).load.widths[-1]
+        return jc.build_scene(described | {"chamber.discharge": discharge}).pushes[0].widths[-1]
 
     with pytest.raises(ValueError, match="presses the bed at each depth, but is 5 mm"):
         narrowest(0.005)
@@ -258,8 +264,8 @@ def test_a_bed_is_pressed_as_the_jaw_moves():
         along = np.linalg.norm(pin[i] - motion["load_position"][i])
         assert along == pytest.approx(turned / total, abs=1e-4)
     assert np.linalg.norm(motion["crushing_load"][24]) == 0
-    plain = jax.jit(lambda load: jc.build_scene(values | {"load": load}).load)(1.0)
-    assert eqx.tree_equal(plain, scene.load, rtol=1e-12, atol=1e-15)
+    plain = jax.jit(lambda load: jc.build_scene(values | {"load": load}).pushes)(1.0)
+    assert eqx.tree_equal(plain, scene.pushes, rtol=1e-12, atol=1e-15)
 
 
 def test_a_bed_has_depths_enough_for_a_peak(monkeypatch):

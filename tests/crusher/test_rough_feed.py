@@ -8,9 +8,10 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_lanes, in_turn, stack
-from jaxcrusher.crusher.loads import AlongJaw, RoughFeed, rough_feed
-from jaxcrusher.crusher.scene import later
+from jaxcrusher.crusher.loads import AlongJaw
+from jaxcrusher.mechanism.acting import RoughFeed, rough_feed
 from jaxcrusher.mechanism.drives import GivenTorque
+from jaxcrusher.mechanism.scene import later
 from jaxcrusher.motion.statistics import statistics
 from tests.pairs import slow
 
@@ -60,7 +61,7 @@ def test_any_law_is_multiplied_by_the_same_wave(load):
     forces, mean = (
         jc.simulate(s, at, outputs=("crushing_load",)).crushing_load for s in (rough, plain)
     )
-    wave = jax.vmap(rough.load.wave)(jnp.asarray(ANGLES))
+    wave = jax.vmap(rough.pushes[0].wave)(jnp.asarray(ANGLES))
     # Rounding of angles of 40 rad.
     np.testing.assert_allclose(forces, (1 + 0.2 * wave)[:, None] * mean, rtol=1e-11, atol=1e-9)
     assert np.ptp(wave) > 1
@@ -92,7 +93,7 @@ def test_by_multipliers_and_on_a_free_shaft_the_angle_is_that_of_the_state():
     ):
         state = eqx.tree_at(of, one.formulation.initial(one), angle)
         load = one.formulation.snapshot(jnp.asarray(0.0), state, one).applied.pushes[0][1]
-        wave = float(one.load.wave(angle))
+        wave = float(one.pushes[0].wave(angle))
         assert float(jnp.hypot(load.x, load.y)) == pytest.approx(8800 * (1 + 0.2 * wave), rel=1e-12)
 
 
@@ -129,7 +130,7 @@ def test_seeds_run_in_lanes_and_scatter_has_slopes():
 
 def test_what_repeats_each_turn_takes_the_mean_load_or_refuses():
     rough, plain = (jc.build_scene({"joint": "ideal", **feed}) for feed in (ROUGH, {}))
-    assert isinstance(rough.load, RoughFeed)
+    assert isinstance(rough.pushes[0], RoughFeed)
     one, other = jc.periodic_orbit(rough), jc.periodic_orbit(plain)
     assert float(one.foundation_rms) == float(other.foundation_rms)
     at = np.linspace(0.0, 9.0, 5)
@@ -151,5 +152,5 @@ def test_a_seed_is_a_whole_number():
         machine = jc.paper_machine(**base, **uneven)
         with pytest.raises(ValueError, match=rf"`{name}` must be a whole number, but is \[1"):
             jc.sweep(machine, {name: [1.0, 1.5, 2.0]}, 0, 1)
-    traced = jax.jit(lambda seed: jc.build_scene(ROUGH | {"load_seed": seed}).load.phases)
+    traced = jax.jit(lambda seed: jc.build_scene(ROUGH | {"load_seed": seed}).pushes[0].phases)
     assert np.isnan(traced(1.5)).all() and np.isfinite(traced(2.0)).all()

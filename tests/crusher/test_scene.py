@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.machine import Jaw, Machine
-from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.machine import crusher_linkage
+from jaxcrusher.crusher.template import OBSERVABLES
 from jaxcrusher.mechanism.drives import GivenTorque
+from jaxcrusher.mechanism.linkage import Body
 from jaxcrusher.mechanism.reductions import top
-from jaxcrusher.scenes.build import build_machine
+from jaxcrusher.scenes.build import build_linkage
 from tests.crusher.operations import field_operations, operations, traced
 
 
@@ -80,17 +80,19 @@ def test_peak_between_samples():
         assert float(top(samples)) == pytest.approx(6, abs=1e-9)
 
 
-def machine(**changes):
-    m = build_machine({})
-    parts = {n: getattr(m, n) for n in ("shaft", "jaw", "toggle", "bearing", "gravity")}
-    return Machine(**(parts | changes))
+def crusher(length, mass=524.0, inertia=128.48):
+    """Return the paper's linkage with another jaw."""
+    one = build_linkage({})
+    return crusher_linkage(
+        one.body("shaft"),
+        Body(mass, inertia),
+        one.body("toggle"),
+        eccentricity=one.joint("main").pin.arm.x,
+        jaw_length=length,
+        toggle_length=one.joint("elbow").pin.arm.x,
+        bearing=one.joint("shaft_bearing").bore.arm.vector(),
+    )
 
-
-def with_machine(scene, machine):
-    return jc.Scene(machine, scene.drive, scene.joint, scene.load, scene.formulation, scene.start)
-
-
-long_jaw = Jaw(524.0, 128.48, 0.352, Vector(0, 0))
 
 SCENE, PAPER = jc.paper_scene(30.0, 6e-5), jc.paper_machine()
 BAD = [
@@ -124,24 +126,24 @@ BAD = [
     (lambda: jc.paper_scene(30.0, 6e-5, slip="no"), "slip", "'no'", "'surface'"),
     (lambda: jc.paper_scene(30.0, 6e-5, load_law="up"), "load_law", "'up'", "'along_jaw'"),
     (lambda: jc.paper_scene(30.0, 6e-5, formulation="x"), "formulation", "'x'", "'multiplier'"),
-    (lambda: machine(jaw=Jaw(-524.0, 128.48, 0.695, Vector(0, 0))), "jaw.mass", "-524", "> 0 kg"),
-    (lambda: machine(jaw=Jaw(524.0, 0.0, 0.695, Vector(0, 0))), "jaw.inertia", "0.0", "> 0"),
+    (lambda: crusher(0.695, mass=-524.0), "jaw.mass", "-524", "> 0 kg"),
+    (lambda: crusher(0.695, inertia=0.0), "jaw.inertia", "0.0", "> 0"),
     # C-A from 0.63 to 0.65 m: 0.3 + 0.3 is too short, and 0.345 + 0.3 passes a dead point.
     (
-        lambda: machine(jaw=Jaw(524.0, 128.48, 0.3, Vector(0, 0))),
+        lambda: crusher(0.3),
         "jaw.length`, `toggle.length` and `bearing.distance",
         "650",
         "600 mm",
     ),
     (
-        lambda: machine(jaw=Jaw(524.0, 128.48, 0.345, Vector(0, 0))),
+        lambda: crusher(0.345),
         "jaw.length`, `toggle.length` and `bearing.distance",
         "650",
         "645 mm",
     ),
     # Closes with an ideal joint, but not with the pin 3 mm off.
     (
-        lambda: with_machine(jc.paper_scene(30.0, 3e-3), machine(jaw=long_jaw)),
+        lambda: jc.paper_scene(30.0, 3e-3, **{"jaw.length": 0.352}),
         "jaw.length`, `toggle.length` and `bearing.distance",
         "653",
         "652 mm",

@@ -1,5 +1,7 @@
 """Diagrams on a range with one orbit, a state that is handed on, values that are no points."""
 
+from pathlib import Path
+
 import diffrax
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,7 +10,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.integrate import RESULTS, Outcome
-from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.dynamics.bifurcation import _row, bifurcation
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.section import Section
@@ -17,6 +19,7 @@ from jaxcrusher.motion.section import Section
 # leave exp(-15) of a start. (At 35.1 rad/s the period has doubled.)
 SPEEDS = [34.9, 34.95, 35.0]
 COUNTS = {"settle_turns": 30, "turns": 20}
+EXAMPLES = Path(__file__).parents[2] / "examples"
 KEYS = ["e_x", "e_y", "rate_x", "rate_y"]
 
 
@@ -26,7 +29,7 @@ def scene(speed):
 
 def broken(speed):
     gravity = jnp.array(jnp.nan if speed == 34.95 else 9.81)
-    return eqx.tree_at(lambda s: s.machine.gravity, scene(speed), gravity)
+    return eqx.tree_at(lambda s: s.linkage.gravity, scene(speed), gravity)
 
 
 def points(diagram, speed):
@@ -72,9 +75,9 @@ def test_a_whirl_is_no_point():
         known = tuple(STATISTIC.items())
         return Section(jnp.zeros((20, 4)), jnp.zeros((0, 4, 4)), outcome, values, known)
 
-    row = _row(found(-100), 1e-9)
+    row = _row(found(-100), "foundation_rms", 1e-9)
     assert row["whirl"] and np.isnan(row["e_x"]).all() and np.isnan(row["foundation_rms"]).all()
-    assert not _row(found(1), 1e-9)["whirl"]
+    assert not _row(found(1), "foundation_rms", 1e-9)["whirl"]
 
 
 def test_bad_arguments():
@@ -84,3 +87,18 @@ def test_bad_arguments():
         bifurcation(scene, "speed", [35.0], settle_turns=1, turns=5)
     with pytest.raises(ValueError, match=r"^Argument `machine` must have clearance, and the ecc"):
         bifurcation(jc.ideal_scene, "speed", [35.0], settle_turns=1, turns=20)
+
+
+def test_a_diagram_of_a_linkage_has_its_leading_statistic():
+    """What shakes the ground, of the turns of its section."""
+    machine = jc.read_machine(EXAMPLES / "slider_crank.toml")
+    found = bifurcation(machine, "speed", [200.0, 210.0], settle_turns=1, turns=20)
+    assert found.success.all() and "foundation_rms" not in found
+    assert found.value.units == "rad/s"
+    assert found.shaking_rms.units == "N" and found.shaking_rms.dims == ("value", "turn")
+    outputs = ("shaking_rms", "B_contact_fraction", "B_winding")
+    first = machine.scene(speed=200.0)
+    state = initial_state(first)
+    first = jc.poincare_section(first, 1, 20, state=state, outputs=outputs)
+    np.testing.assert_array_equal(found.shaking_rms.sel(value=200.0), first["shaking_rms"])
+    np.testing.assert_array_equal(points(found, 200.0), first.states[:, :4])

@@ -64,7 +64,7 @@ def test_whirl_and_failure_are_named():
     scene = jc.paper_scene(30.0, 0.06e-3, slip="surface")
     found = jc.regime(scene, 10, 20, rtol=1e-8)
     assert found.name == "whirl" and "round its bore" in str(found)
-    broken = eqx.tree_at(lambda s: s.machine.gravity, scene, scalar(np.nan))
+    broken = eqx.tree_at(lambda s: s.linkage.gravity, scene, scalar(np.nan))
     found = jc.regime(broken, 1, 20)
     assert found.name == "failed" and "stopped at 0 rad" in str(found)
 

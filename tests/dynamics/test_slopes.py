@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.dynamics import slopes
 from jaxcrusher.dynamics.judgement import judge
 from jaxcrusher.dynamics.slopes import fit_slopes, gradient_report

@@ -18,7 +18,7 @@ PLACES = (
 @pytest.mark.parametrize(("at", "rate", "bearing_spin", "journal_spin"), PLACES)
 def test_power_of_a_contact(at, rate, bearing_spin, journal_spin, slip):
     """Forces and moments on both bodies take what spring, damping and friction get."""
-    joint = jc.build_scene({"slip": slip}).joint
+    joint = jc.build_scene({"slip": slip}).joints.at("main")
     e, change = (Vector(*map(jnp.asarray, of)) for of in (at, rate))
     contact = joint.contact(e, change, bearing_spin, journal_spin, None)
     assert float(contact.normal_force) > 100 and abs(float(contact.friction_force)) > 1

@@ -131,7 +131,7 @@ def test_stiffness_is_the_handbook_s():
 
 
 def bearing(**numbers):
-    return jc.build_scene({"contact_law": "rollers", **numbers}).joint
+    return jc.build_scene({"contact_law": "rollers", **numbers}).joints.at("main")
 
 
 def test_a_bearing_that_turns_as_one_body_loses_nothing():

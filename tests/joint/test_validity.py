@@ -12,7 +12,9 @@ from jaxcrusher.joint.validity import RollerLoad, Tautness, Turning, validity
 )
 def test_a_wide_clearance_is_outside_the_model(clearance, fits):
     """A hundredth of the bore's 130 mm, though the contact is narrow and the approach slow."""
-    found = validity(jc.paper_scene(30.0, clearance).joint, jnp.array(0.01), jnp.array(0.001))
+    found = validity(
+        jc.paper_scene(30.0, clearance).joints.at("main"), jnp.array(0.01), jnp.array(0.001)
+    )
     assert bool(found.hertzian) and bool(found.elastic)
     assert bool(found.fitting) == bool(found.inside) == fits
     assert [line.startswith("clearance 0.01") for line in found.remarks()] == [True] * (not fits)
@@ -27,7 +29,7 @@ def test_an_ideal_joint_is_inside_and_has_no_restitution():
 
 
 def test_rollers_have_no_restitution():
-    joint = jc.build_scene({"contact_law": "rollers"}).joint
+    joint = jc.build_scene({"contact_law": "rollers"}).joints.at("main")
     found = validity(joint, jnp.array(0.1), jnp.array(1.0))
     assert found.delivered_restitution is None and bool(found.restitution_kept)
     assert found.remarks() == ["approaches at 19.6 times the elastic limit"]
@@ -35,7 +37,7 @@ def test_rollers_have_no_restitution():
 
 def test_the_width_that_is_said_is_half_of_the_contact_s():
     """Hertz's half-width sqrt(R delta) of 0.6 bore radii: the contact itself is 1.2 wide."""
-    joint = jc.paper_scene(30.0, 0.06e-3).joint
+    joint = jc.paper_scene(30.0, 0.06e-3).joints.at("main")
     bore, pin = 0.13, 0.13 - 0.06e-3
     depth = (0.6 * bore) ** 2 * (bore - pin) / (bore * pin)
     found = validity(joint, jnp.array(depth / 0.06e-3), jnp.array(0.001))

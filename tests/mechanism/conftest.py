@@ -9,8 +9,8 @@ from jaxcrusher.joint.normal import ConstantImpactVelocity, LankaraniNikravesh
 from jaxcrusher.mechanism.acting import Push
 from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
-from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.topology import FRAME
 
 
@@ -107,8 +107,6 @@ def machine(linkages):
         pulled = "rocker" if "rocker" in linkage.bodies else "slider"
         centre = Point(pulled, linkage.body(pulled).mass_centre)
         pull = Push(centre, Vector(-700.0, 200.0))
-        return LinkageScene(
-            drawn=linkage, bearings=bearings, drive=drive, pushes=(pull,), start=None
-        )
+        return Scene(linkage=linkage, bearings=bearings, drive=drive, pushes=(pull,), start=None)
 
     return made

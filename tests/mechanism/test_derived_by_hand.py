@@ -14,7 +14,7 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 import jaxcrusher as jc
-from jaxcrusher.crusher import observables as ob
+from jaxcrusher.crusher.template import OBSERVABLES
 from jaxcrusher.mechanism import observables as general
 from jaxcrusher.mechanism.drives import GivenTorque
 from tests.pairs import slow
@@ -42,7 +42,7 @@ def test_accelerations_reactions_and_energies(kind):
         s = scene.formulation.snapshot(time, state, scene)
         found = {
             name: one(s, scene)
-            for name, one in (ob.OBSERVABLES | ENERGIES).items()
+            for name, one in (OBSERVABLES | ENERGIES).items()
             if name in DATA[kind]["instants"][0]
         }
         rate = scene.formulation.rate(s, state, scene)

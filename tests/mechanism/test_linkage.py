@@ -240,7 +240,9 @@ def test_a_force_by_angle_is_any_function_and_one_of_two_turns_has_no_steady_sta
         push = PushByAngle(pull.at, Vector(3.0, 4.0), size)
         scene = dataclasses.replace(plain, pushes=(push,))
         motion = ideal_at_rest(scene.linkage, 2.0)
-        given = jax.jit(lambda scene, motion: scene.pushes[0].force(motion).array())(scene, motion)
+        given = jax.jit(lambda scene, motion: scene.pushes[0].action(motion)[1].array())(
+            scene, motion
+        )
         np.testing.assert_allclose(given, float(size(2.0)) * np.array([0.6, 0.8]), rtol=1e-14)
         if order == 1:
             assert scene.steady() is scene

@@ -13,7 +13,6 @@ from scipy.integrate import solve_ivp
 
 import jaxcrusher as jc
 from jaxcrusher.joint.normal import ConstantImpactVelocity, TrackedImpactVelocity
-from jaxcrusher.mechanism.named import before
 from tests.pairs import slow
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -128,7 +127,7 @@ def test_peaks_of_impacts_are_those_of_located_touch_downs(name):
     scene = with_law(scene, TrackedImpactVelocity(FLOOR))
     expected, seen = [], []
     for joint, depth, force in zip(scene.joints.names, depths.T, forces.T, strict=True):
-        names = tuple(before(joint) + of for of in ("penetration_ratio", "normal_force"))
+        names = tuple(scene.prefix(joint) + of for of in ("penetration_ratio", "normal_force"))
         found = jc.simulate(scene, times, outputs=names, rtol=1e-10)
         assert bool(found.success), found.failure
         expected += peaks(depth, force)

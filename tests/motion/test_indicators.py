@@ -123,7 +123,7 @@ def test_section_of_the_quiet_motion():
 
 def test_section_of_a_failed_motion():
     scene = jc.paper_scene(30.0, 0.06e-3, start="contact")
-    broken = eqx.tree_at(lambda s: s.machine.gravity, scene, scalar(np.nan))
+    broken = eqx.tree_at(lambda s: s.linkage.gravity, scene, scalar(np.nan))
     # Counts that are compiled already.
     section = poincare_section(broken, 0, 3, slices=4, state=initial_state(scene))
     assert not section.outcome.success and np.isnan(section.states).all()

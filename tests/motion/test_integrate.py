@@ -70,7 +70,7 @@ def test_a_failed_run_is_reported_and_never_a_number():
     assert np.isnan(motion.normal_force[late]).all()
     assert np.isfinite(motion.normal_force[~late]).all()
 
-    broken = eqx.tree_at(lambda s: s.joint.normal.stiffness, scene, scalar(jnp.nan))
+    broken = eqx.tree_at(lambda s: s.joints.at("main").normal.stiffness, scene, scalar(jnp.nan))
     result = jc.statistics(broken, 0, 3)
     assert not result.success and result.failure.startswith("stopped at")
     for name in jc.STATISTICS:
@@ -82,7 +82,7 @@ def test_a_failed_lane_leaves_the_others_alone():
     scenes = [jc.paper_scene(30.0, c, start="contact") for c in (5e-5, 6e-5)]
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *scenes)
     stacked = eqx.tree_at(
-        lambda s: s.joint.normal.stiffness,
+        lambda s: s.joints.at("main").normal.stiffness,
         stacked,
         stacked.joint.normal.stiffness.at[0].set(jnp.nan),
     )
@@ -101,7 +101,7 @@ def test_a_failed_lane_leaves_the_others_alone():
 def test_nothing_finite_ends_at_once(start):
     """Also where the first state is not finite, and beside a lane that is."""
     scene = jc.paper_scene(30.0, 0.06e-3, start=start)
-    broken = eqx.tree_at(lambda s: s.machine.gravity, scene, scalar(jnp.nan))
+    broken = eqx.tree_at(lambda s: s.linkage.gravity, scene, scalar(jnp.nan))
     result = jc.statistics(
         broken, 0, 2, outputs=("foundation_rms",), method=jc.Method(max_steps=1000)
     )

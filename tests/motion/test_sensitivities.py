@@ -13,7 +13,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics import setup
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.tangents import changes, combine, tangents

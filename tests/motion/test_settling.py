@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.motion.settling import (
     STILL,
     error,

@@ -116,7 +116,7 @@ def test_friction_that_does_not_hold_a_shaft_at_rest_says_so():
     outputs = ("penetration_ratio", "impact_speed", "shaft_speed_least")
     for torque, stops in ((0.0, True), (3e3, False)):
         scene = replace(quiet(slip="surface"), drive=GivenTorque(torque, 30.0))
-        assert set(outputs) < set(scene.usual_statistics) & set(scene.own_statistics)
+        assert set(outputs) < set(scene.usual_statistics) & set(scene.statistics)
         found = jc.statistics(scene, 0, 1, outputs=outputs)
         assert (float(found.shaft_speed_least) < 0) == stops
         limits = found.validity
@@ -127,4 +127,4 @@ def test_friction_that_does_not_hold_a_shaft_at_rest_says_so():
     assert "shaft_speed_least" in rolling.usual_statistics and "shaft" in rolling.limits
     # What cannot rest, or has no friction that would hold it.
     for scene in (quiet(slip="surface"), replace(quiet(friction=0), drive=GivenTorque(0.0, 30.0))):
-        assert "shaft_speed_least" not in {*scene.usual_statistics, *scene.own_statistics}
+        assert "shaft_speed_least" not in {*scene.usual_statistics, *scene.statistics}

@@ -11,8 +11,8 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.integrate import RESULTS, Outcome
-from jaxcrusher.crusher.statistics_table import FURTHER_STATISTICS, STATISTIC
-from jaxcrusher.mechanism.linkage_statistics import OF_SUPPORTS
+from jaxcrusher.crusher.template import STATISTIC
+from jaxcrusher.mechanism.quantities import OF_SUPPORTS
 from jaxcrusher.mechanism.reductions import (
     AbstractFollowed,
     AbstractMean,
@@ -34,10 +34,10 @@ from tests.pairs import slow
 
 def eccentricity(s, scene):
     """The length of e in clearances; one of an ideal joint."""
-    if scene.joint is None:
+    if scene.joints["main"] is None:
         return jnp.ones_like(scene.drive.speed)
     e = s.motion.eccentricities["main"]
-    return jnp.hypot(e.x, e.y) / scene.joint.clearance
+    return jnp.hypot(e.x, e.y) / scene.joints.at("main").clearance
 
 
 OWN = {
@@ -99,7 +99,7 @@ def test_the_largest_excursion_is_from_the_mean_place_in_both_directions():
 def test_a_whirl_is_told_by_each_loose_joint():
     path = Path(__file__).parents[2] / "examples" / "pump.toml"
     text = path.read_text().replace('kind = "linkage"', "")
-    for name, at in (("A", "B_"), ("B", "")):  # ideal, and loose
+    for name, at in (("A", "B_"), ("B", "main_")):  # ideal, and loose
         scene = jc.linkage(**tomllib.loads(text.replace(f"[joints.{name}]", "[joints.main]")))
         assert of_whirl(scene) == ("shaking_rms", f"{at}contact_fraction", f"{at}winding")
     loose = jc.build_scene({"clearance": 6e-5, "shaft_bearing.clearance": 6e-5})
@@ -214,7 +214,7 @@ def test_one_s_own_is_known_wherever_statistics_are():
     """In orbits, maps, reports and sweeps, which compute all or what needs not be asked for."""
     scene, own = with_own(), tuple(OWN)
     name = own[0]
-    assert {*own} < {*scene.own_statistics} & {*scene.usual_statistics}
+    assert {*own} < {*scene.statistics} & {*scene.usual_statistics}
     orbit = jc.periodic_orbit(scene, nodes=96)
     seen = jnp.linalg.norm(resample(orbit.eccentricity, 1024), axis=1)
     # The same trigonometric polynomial, summed to rounding.
@@ -280,8 +280,9 @@ def test_one_s_own_of_a_linkage_and_names_that_are_refused():
 
 
 def test_every_statistic_has_a_unit_and_a_meaning():
-    main = (*jc.STATISTICS, *FURTHER_STATISTICS)
-    assert main == tuple(STATISTIC)[: len(main)]
+    scene = jc.build_scene({})
+    assert jc.STATISTICS == scene.usual_statistics
+    assert jc.STATISTICS == tuple(scene.statistics)[: len(jc.STATISTICS)]
     for name, statistic in STATISTIC.items():
         units = {"N", "N m", "N/m", "Pa", "W", "m", "m/s", "rad/s", "h", "1"}
         assert statistic.unit in units, name
@@ -337,7 +338,8 @@ def test_wear_needs_friction():
     smooth = jc.paper_scene(30.0, 0.06e-3, friction=0)
     for run in (jc.statistics, jc.poincare_section):
         with pytest.raises(
-            ValueError, match=r"^Argument `outputs` must not ask for the sliding_power of main, "
+            ValueError,
+            match=r"^Argument `outputs` must ask for sliding_power only of a scene with friction",
         ):
             run(smooth, 0, 1, outputs=("sliding_power",))
 

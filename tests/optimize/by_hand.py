@@ -8,7 +8,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.batch.sweep import columns_of_row
-from jaxcrusher.crusher.statistics_table import STATISTIC, usual_with
+from jaxcrusher.crusher.template import STATISTIC, STATISTICS
 from jaxcrusher.mechanism.reductions import chosen
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 from optimize.answer import Answer, Orbit
@@ -58,7 +58,7 @@ def rows_of_three_runs():
     """From both starts, in contact all the time."""
     rows = {
         name: np.ones((2, 3))
-        for name in columns_of_row(("main",), chosen(STATISTIC, usual_with(("main",))))
+        for name in columns_of_row({"main": ""}, chosen(STATISTIC, STATISTICS))
     }
     return rows | {
         "state": np.zeros((2, 3, 4)),

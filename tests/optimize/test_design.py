@@ -7,7 +7,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import stroke
-from jaxcrusher.scenes.build import build_machine
+from jaxcrusher.scenes.build import build_linkage
 from optimize.completions import CounterweightMoment, EqualStroke
 from optimize.design import Design
 
@@ -39,7 +39,7 @@ def solved(design):
 
     def eccentricity(unit):
         values = design.description(unit)
-        return values["shaft.eccentricity"], stroke(build_machine(values))
+        return values["shaft.eccentricity"], stroke(build_linkage(values))
 
     return jax.jit(jax.vmap(jax.value_and_grad(eccentricity, has_aux=True)))
 
@@ -84,16 +84,19 @@ def test_a_stroke_out_of_reach_is_not_a_number():
 def test_counterweight_by_its_moment():
     both = CounterweightMoment()
     names = both.inputs
-    shaft = build_machine(both({names[0]: -3.0, names[1]: 4.0, "counterweight.radius": 0.25})).shaft
+    shaft = build_linkage(both({names[0]: -3.0, names[1]: 4.0, "counterweight.radius": 0.25})).body(
+        "shaft"
+    )
     assert float(shaft.mass) == pytest.approx(95.0 + 5.0 / 0.25, rel=1e-14)
-    plain = build_machine({}).shaft
-    added = shaft.mass * shaft.mass_centre.array() - plain.mass * plain.mass_centre.array()
+    plain = build_linkage({}).body("shaft")
+    added = shaft.mass * shaft.mass_centre.vector().array()
+    added -= plain.mass * plain.mass_centre.vector().array()
     np.testing.assert_allclose(added, [-3.0, 4.0], rtol=1e-13)
 
     def first_moment(moment):
         values = both(dict(zip(names, moment, strict=True)))
-        shaft = build_machine(values).shaft
-        return shaft.mass * shaft.mass_centre.array()
+        shaft = build_linkage(values).body("shaft")
+        return shaft.mass * shaft.mass_centre.vector().array()
 
     # Also where there is no counterweight the moment has a slope: it is the moment itself.
     np.testing.assert_allclose(

@@ -22,7 +22,7 @@ from jaxcrusher.batch.engines import Engine
 from jaxcrusher.batch.sweep import columns_of_row
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.crusher.capacity import CrushingChamber
-from jaxcrusher.crusher.statistics_table import STATISTIC, usual_with
+from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, Validity
 from jaxcrusher.mechanism.reductions import chosen
@@ -608,7 +608,8 @@ def test_the_limits_of_every_loose_joint_are_kept():
     """A pivot that approaches at twice the elastic limit is named, beside a main joint inside."""
     free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))
     case = resolve(Options(design=free)).case
-    columns = columns_of_row(("main", "pivot"), chosen(STATISTIC, usual_with(("main", "pivot"))))
+    usual = jc.build_scene({"pivot.clearance": 5e-5}).usual_statistics
+    columns = columns_of_row({"main": "", "pivot": "pivot_"}, chosen(STATISTIC, usual))
     rows = {name: np.zeros((2, 3)) for name in columns} | {
         "state": np.zeros((2, 3, 8)),
         "objective": np.ones((2, 3)),
@@ -943,7 +944,7 @@ def test_free_parameters_by_name():
     # Capacity is 9.41 m3/h at 25 rad/s and falls as 1 / speed: 8 at 29.4 rad/s.
     np.testing.assert_array_equal(data.counts.all("start"), data.speed < 29.41)
     scene = case.design.scene(np.array([0.0, 0.0, 1.0]))
-    assert float(scene.machine.shaft.mass) == pytest.approx(145.0)
+    assert float(scene.linkage.body("shaft").mass) == pytest.approx(145.0)
 
 
 def test_wear_is_searched_where_friction_may_vanish():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.loads import RoughFeed
+from jaxcrusher.mechanism.acting import RoughFeed
 from jaxcrusher.mechanism.drives import UnevenSpeed
 from jaxcrusher.orbits import feed_response, forced
 from jaxcrusher.orbits.feed_response import RESPONSE_NODES, FeedResponse, _Crossing
@@ -47,8 +47,8 @@ def test_the_chance_of_losses_that_come_independently(losses, chance):
 
 def with_feed(scene, scatter, orders, phases):
     """The scene under some cosines."""
-    made = RoughFeed(scene.load.load, scatter, 1.0, jnp.asarray(orders), jnp.asarray(phases))
-    return dataclasses.replace(scene, load=made)
+    made = RoughFeed(scene.pushes[0].load, scatter, 1.0, jnp.asarray(orders), jnp.asarray(phases))
+    return dataclasses.replace(scene, pushes=(made,))
 
 
 def waved(modes, order):
@@ -85,7 +85,7 @@ def test_a_motion_that_starts_on_its_response_stays_there(orbit, linear):
     seen = np.stack([waved(modes, order) for order in orders])
     sizes = np.sqrt(2 / 3) * np.exp(1j * phases)
     start = scatter * np.einsum("k,kia->ia", sizes, seen).real[0]
-    clearance, speed = float(orbit.scene.joint.clearance), 30.0
+    clearance, speed = float(orbit.scene.joints.at("main").clearance), 30.0
     units = np.array([1.0, 1.0, clearance * speed, clearance * speed])
     angle = 2 * np.pi * np.arange(RESPONSE_NODES) / RESPONSE_NODES
     late = angle + 4 * np.pi
@@ -176,8 +176,8 @@ def test_refusals(orbit):
     uneven = dataclasses.replace(orbit.scene, drive=UnevenSpeed(30.0, 0.02))
     with pytest.raises(ValueError, match="must be of a shaft at constant speed, but is of an unev"):
         jc.feed_response(dataclasses.replace(orbit, scene=uneven))
-    feed = dataclasses.replace(orbit.scene.load, bandwidth=jnp.asarray(41.0))
-    wide = dataclasses.replace(orbit.scene, load=feed)
+    feed = dataclasses.replace(orbit.scene.pushes[0], bandwidth=jnp.asarray(41.0))
+    wide = dataclasses.replace(orbit.scene, pushes=(feed,))
     with pytest.raises(ValueError, match="must be of a load_bandwidth of 40 at most, but is 41"):
         jc.feed_response(dataclasses.replace(orbit, scene=wide))
     unstable = dataclasses.replace(orbit, multipliers=1.1 + 0 * orbit.multipliers)

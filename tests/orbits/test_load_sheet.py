@@ -60,7 +60,10 @@ def test_the_frame_moves_as_a_rigid_body(orbit):
         arm = np.array(at) - [0.3, float(orbit.scene.supports.point.y)]
         return place + np.stack([cos * arm[0] - sin * arm[1], sin * arm[0] + cos * arm[1]], axis=1)
 
-    bearing, corner = turning(orbit.scene.machine.bearing.array()), turning((1.2, -0.5))
+    bearing, corner = (
+        turning(orbit.scene.linkage.joint("shaft_bearing").bore.arm.vector().array()),
+        turning((1.2, -0.5)),
+    )
     # By an angle that the shaft turns evenly through.
     rate = 31.0 * np.gradient(np.vstack([corner] * 3), angles[1], axis=0)[SAMPLES : 2 * SAMPLES]
     expected = {
@@ -104,7 +107,9 @@ def test_moments_are_about_the_shaft_and_the_base(orbit):
     g = np.array([0.3, float(orbit.scene.supports.point.y)])
     rows = by_name(sheet(orbit, 1))
     levels = {
-        "at the shaft's level, about O": np.asarray(orbit.scene.machine.bearing.array()),
+        "at the shaft's level, about O": np.asarray(
+            orbit.scene.linkage.joint("shaft_bearing").bore.arm.vector().array()
+        ),
         "at the base, in its middle": np.array([0.1, -0.6]),
     }
     for words, at in levels.items():

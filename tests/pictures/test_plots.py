@@ -25,14 +25,15 @@ from PIL import Image
 import jaxcrusher as jc
 from jaxcrusher.basics.integrate import RESULTS, Outcome
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher.observables import OBSERVABLES
+from jaxcrusher.crusher.outline import FORCES
+from jaxcrusher.crusher.template import OBSERVABLES
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.simulation import OUTPUTS, Trajectory
 from jaxcrusher.pictures import plots
 from jaxcrusher.pictures.film import animate
-from jaxcrusher.pictures.mechanism import DRAWN, FORCES, Drawing, plot_mechanism
-from jaxcrusher.scenes.build import build_machine
+from jaxcrusher.pictures.mechanism import DRAWN, Drawing, plot_mechanism
+from jaxcrusher.scenes.build import build_linkage
 
 ROOT = Path(__file__).parents[2]
 ENDED = Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.array(0))
@@ -48,7 +49,7 @@ def close_figures():
 def test_letters_stand_where_the_equations_put_them():
     """O, B and S3 to scale, A with the eccentricity magnified; |A - B| is the jaw's length."""
     program = runpy.run_path(str(ROOT / "docs" / "pictures" / "geometry.py"))
-    fig = program["plot_geometry"](build_machine({}))
+    fig = program["plot_geometry"](build_linkage({}))
     at = {
         text.get_text(): np.array(text.get_position())
         for text in fig.axes[0].texts
@@ -108,8 +109,8 @@ both = pytest.mark.parametrize("name", ["ideal", "clearance"])
 def test_positions_are_those_of_the_linkage(name):
     """Links keep their lengths, S2 lies where (Table 2) the jaw's angle puts it."""
     scene, motion = drawn(name)
-    m, pin, elbow = scene.machine, np.asarray(motion.pin_position), np.asarray(motion.jaw_position)
-    bearing = np.array([float(m.bearing.x), float(m.bearing.y)])
+    pin, elbow = np.asarray(motion.pin_position), np.asarray(motion.jaw_position)
+    bearing = np.asarray(scene.linkage.joint("shaft_bearing").bore.arm.vector().array())
     arm = pin - bearing
     angle = 30.0 * np.asarray(motion.time)
     # Sums of numbers of order one.

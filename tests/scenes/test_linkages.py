@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.mechanism.observables import kinetic_energy
 from jaxcrusher.scenes.described import read_machine, read_scene
 from jaxcrusher.scenes.linkages import linkage, read_linkage
@@ -594,7 +593,7 @@ def test_a_linkage_may_stand_on_supports():
     # The tolerance of 1e-11 a step over works of some joules.
     assert np.abs(motion.energy.imbalance).max() < 1e-9
     assert float(motion.energy.support_loss[-1]) > 1e-4
-    assert {"transmitted_rms", "frame_velocity_rms"} < set(scene.own_statistics)
+    assert {"transmitted_rms", "frame_velocity_rms"} < set(scene.statistics)
 
 
 @pytest.mark.parametrize("eccentricity", [0.0, 5e-3])
@@ -624,8 +623,3 @@ def test_its_orbit_on_supports_is_that_of_late_turns():
     late = jc.statistics(scene, 60, 2, outputs=("transmitted_rms",))
     # Sixty turns leave 1e-4 of what the start sets swinging.
     assert float(orbit.transmitted_rms) == pytest.approx(float(late.transmitted_rms), rel=1e-3)
-
-
-def test_what_is_a_crusher_s_alone_refuses_a_linkage():
-    with pytest.raises(ValueError, match=r"be a crusher's, .* a LinkageScene"):
-        crusher_of(linkage(**PLAIN))

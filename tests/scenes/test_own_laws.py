@@ -124,12 +124,15 @@ def test_a_scene_file_names_laws_and_their_numbers(laws, tmp_path):
     assert numbers.items() <= values.items()
     assert values["contact.hertz"] == pytest.approx(2e3 * 1000**1.5, rel=1e-15)  # rounding
     scene = jc.build_scene(values)
-    assert type(scene.joint.normal).__name__ == "KelvinVoigt"
-    assert float(scene.joint.normal.spring) == 5e9 and float(scene.joint.friction.speed) == 0.2
+    assert type(scene.joints.at("main").normal).__name__ == "KelvinVoigt"
+    assert (
+        float(scene.joints.at("main").normal.spring) == 5e9
+        and float(scene.joints.at("main").friction.speed) == 0.2
+    )
     # What the joint knows is given: friction's coefficient and the corner's width.
-    assert float(scene.joint.friction.coefficient) == 0.1
-    plain = jc.build_scene({"start": "contact"}).joint.normal
-    assert float(scene.joint.normal.width) == float(plain.width)
+    assert float(scene.joints.at("main").friction.coefficient) == 0.1
+    plain = jc.build_scene({"start": "contact"}).joints.at("main").normal
+    assert float(scene.joints.at("main").normal.width) == float(plain.width)
     motion = jc.simulate(scene, [0.0], outputs=("crushing_load",))
     assert np.linalg.norm(motion.crushing_load[0]) == pytest.approx(9e3)
     # Without a default a step of one is taken, of what may be zero.
@@ -258,7 +261,11 @@ def test_what_is_refused(laws, tmp_path):
 def test_a_law_of_cylinders_has_the_modulus_of_two_alike_bodies():
     """1 / E* is the sum of (1 - nu^2) / E of pin and bore (Hertz)."""
     law = "jaxcrusher.joint.cylinders:Johnson"
-    normal = jc.build_scene({"contact_law": law, "young": 200e9, "poisson": 0.3}).joint.normal
+    normal = (
+        jc.build_scene({"contact_law": law, "young": 200e9, "poisson": 0.3})
+        .joints.at("main")
+        .normal
+    )
     assert 1 / float(normal.modulus) == pytest.approx(2 * 0.91 / 200e9, rel=1e-14)  # rounding
 
 
@@ -269,7 +276,7 @@ def test_a_number_of_two_laws_is_refused():
         "contact_law": f"{here}.cylinders:Johnson",
         "friction_law": f"{here}.friction:Stribeck",
     }
-    friction = jc.build_scene(laws).joint.friction
+    friction = jc.build_scene(laws).joints.at("main").friction
     assert friction is not None and friction.width == 0.01
     for prefix, section in (("", "contact"), ("elbow.", "elbow")):
         both = {f"{prefix}{name}": law for name, law in laws.items()}
@@ -282,13 +289,13 @@ def test_an_elbow_has_a_law_of_its_own(laws, tmp_path):
     read_scene_file(tmp_path / "scene.toml")
     values = {"elbow.contact_law": f"{laws}:KelvinVoigt", "elbow.clearance": 1e-4}
     scene = jc.build_scene(values | {"elbow.spring": 1e9, "elbow.damping": 1e3})
-    assert float(scene.elbow.normal.spring) == 1e9
-    assert type(scene.joint.normal).__name__ == "LankaraniNikravesh"
+    assert float(scene.joints.at("elbow").normal.spring) == 1e9
+    assert type(scene.joints.at("main").normal).__name__ == "LankaraniNikravesh"
     # Its slip and its impact velocity are parts there too, no choice and no number.
     values = {"elbow.friction_law": f"{laws}:Tanh", "elbow.slip": "surface", **values}
     values |= {"elbow.spring": 1e9, "elbow.damping": 1e3, "elbow.impact_velocity": 0.3}
-    elbow = jc.build_scene(values).elbow
+    elbow = jc.build_scene(values).joints.at("elbow")
     assert isinstance(elbow.friction.slip, SurfaceSlip)
     assert float(elbow.normal.impact_velocity.value(None)) == 0.3
     whole = {"elbow.contact_law": f"{laws}:Bushed", "elbow.rubber": 1e7, "elbow.clearance": 1e-4}
-    assert jc.build_scene(whole).elbow.friction is None
+    assert jc.build_scene(whole).joints.at("elbow").friction is None

@@ -13,7 +13,7 @@ from jaxcrusher.basics.plane import Vector, direction
 from jaxcrusher.crusher.machine import with_counterweight
 from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
-from jaxcrusher.scenes.build import build_chamber, build_machine
+from jaxcrusher.scenes.build import build_chamber, build_linkage
 from jaxcrusher.scenes.parameters import (
     CHOICES,
     PARAMETERS,
@@ -49,7 +49,7 @@ def test_what_is_counted_is_whole():
 
 
 def test_defaults_are_tables_1_and_2():
-    machine = build_machine({})
+    linkage = build_linkage({})
     bodies = {
         "shaft": {"mass": 95.0, "inertia": 0.2, "eccentricity": 0.01, "mass_centre_radius": 0.006},
         "jaw": {"mass": 524.0, "inertia": 128.48, "length": 0.695, "mass_centre_distance": 0.3},
@@ -62,11 +62,12 @@ def test_defaults_are_tables_1_and_2():
     joint |= {"impact_velocity": 0.5, "young": 207e9, "poisson": 0.29}
     for name, value in (joint | {"speed": 30.0, "load": 8.8e3, "gravity": 9.81}).items():
         assert PARAMETERS[name].default == value, name
-    assert float(machine.shaft.mass) == 95.0
+    bearing, jaw = linkage.joint("shaft_bearing").bore.arm, linkage.body("jaw").mass_centre
+    assert float(linkage.body("shaft").mass) == 95.0
     # Table 2: O at 0.64 m, 22.5 deg off the vertical; S2 = A - l21 (B-A axis turned by 15 deg).
-    assert float(machine.bearing.x) == pytest.approx(0.64 * np.sin(np.pi / 8), rel=1e-15)
-    assert float(machine.jaw.mass_centre.x) == pytest.approx(-0.3 * np.cos(np.pi / 12), rel=1e-15)
-    assert float(machine.jaw.mass_centre.y) == pytest.approx(-0.3 * np.sin(np.pi / 12), rel=1e-15)
+    assert float(bearing.x) == pytest.approx(0.64 * np.sin(np.pi / 8), rel=1e-15)
+    assert float(jaw.x) == pytest.approx(-0.3 * np.cos(np.pi / 12), rel=1e-15)
+    assert float(jaw.y) == pytest.approx(-0.3 * np.sin(np.pi / 12), rel=1e-15)
     scene = jc.build_scene({})
     assert isinstance(scene.formulation, EccentricityFormulation)
     assert isinstance(scene.drive, ConstantSpeed)
@@ -119,21 +120,23 @@ def test_ideal_twin_differs_in_its_joint_only(formulation):
 
 def test_counterweight_is_a_point_mass():
     """Mass, first moment and moment of inertia about O add up."""
-    shaft = build_machine({}).shaft
+    shaft = build_linkage({}).body("shaft")
     position = 0.25 * direction(jnp.array(2.0))
     both = with_counterweight(shaft, 30.0, position)
     assert float(both.mass) == 125.0
-    first = both.mass * both.mass_centre
-    expected = shaft.mass * shaft.mass_centre + 30.0 * position
+    centre, before = both.mass_centre.vector(), shaft.mass_centre.vector()
+    first = both.mass * centre
+    expected = shaft.mass * before + 30.0 * position
     # Rounding of a handful of operations.
     np.testing.assert_allclose(first.array(), expected.array(), rtol=1e-14)
-    about_o = both.inertia + both.mass * both.mass_centre.dot(both.mass_centre)
-    before = shaft.inertia + shaft.mass * shaft.mass_centre.dot(shaft.mass_centre)
-    np.testing.assert_allclose(about_o, before + 30.0 * 0.25**2, rtol=1e-14)
-    machine = build_machine(
+    about_o = both.inertia + both.mass * centre.dot(centre)
+    alone = shaft.inertia + shaft.mass * before.dot(before)
+    np.testing.assert_allclose(about_o, alone + 30.0 * 0.25**2, rtol=1e-14)
+    linkage = build_linkage(
         {"counterweight.mass": 30.0, "counterweight.radius": 0.25, "counterweight.angle": 2.0}
     )
-    built, centre = machine.shaft, machine.shaft.mass_centre
+    built = linkage.body("shaft")
+    centre = built.mass_centre.vector()
     found = built.inertia + built.mass * centre.dot(centre)
     np.testing.assert_allclose(found, about_o, rtol=1e-14)
     nothing = with_counterweight(shaft, 0.0, Vector(1.0, 2.0))
@@ -197,14 +200,15 @@ def test_rollers_fit_their_pitch_where_both_are_known():
         build(**{"rollers.diameter": 0.2})
     for name in ("rollers.diameter", "rollers.pitch_diameter"):
         traced = jax.eval_shape(lambda size, name=name: build(**{name: size}), 0.02)
-        assert traced.joint.roller_diameter.shape == traced.joint.pitch_diameter.shape == ()
+        bearing = traced.joints.at("main")
+    assert bearing.roller_diameter.shape == bearing.pitch_diameter.shape == ()
 
 
 def test_friction_of_zero_is_left_out_unless_traced():
     scene = jc.build_scene({"friction": 0.0})
-    assert scene.joint is not None and scene.joint.friction is None
+    assert scene.joints.at("main").friction is None
     traced = jax.vmap(lambda f: jc.build_scene({"friction": f}))(jnp.array([0.0, 0.1]))
-    assert traced.joint is not None and traced.joint.friction is not None
+    assert traced.joints.at("main").friction is not None
 
 
 @pytest.mark.parametrize("wrap", [jax.grad, lambda function: function])

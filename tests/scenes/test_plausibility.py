@@ -13,7 +13,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics import setup
 from jaxcrusher.basics.setup import UnusualNumbers
 from jaxcrusher.commands import options
-from jaxcrusher.commands.crushers import read_crusher
+from jaxcrusher.commands.crushers import read_machine
 from jaxcrusher.scenes.crusher import Crusher
 from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, PE250X400, openers, readable
@@ -128,7 +128,7 @@ def test_what_cannot_be_is_refused(values, name):
 
 def test_a_command_tells_what_an_example_on_rollers_leaves(capsys):
     path = Path(__file__).parents[2] / "examples" / "pe900x1200.toml"
-    values = read_crusher(options.Crusher(scene=path)).values
+    values = read_machine(options.Crusher(scene=path)).values
     assert values["contact_law"] == "rollers"
     assert "pe900x1200.toml leaves 2 numbers to the PE250x400" in capsys.readouterr().err
 
@@ -172,7 +172,7 @@ def test_python_warns_once_of_each_value_that_commands_tell(monkeypatch):
         jc.paper_scene(286.0, 0.06e-3)
         jc.paper_scene(30.0, 0.06e-3)
         # What a traced program alone will know.
-        jax.jit(lambda clearance: jc.paper_scene(30.0, clearance).joint.clearance)(0.02)
+        jax.jit(lambda clearance: jc.paper_scene(30.0, clearance).joints.at("main").clearance)(0.02)
         assert again == []
         jc.paper_scene(287.0, 0.06e-3)
     assert ["speed 287 rad/s (2741 rpm)" in str(one.message) for one in again] == [True] * 2

@@ -9,7 +9,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.crusher import capacity
-from jaxcrusher.scenes.build import build_machine
+from jaxcrusher.scenes.build import build_linkage
 from jaxcrusher.scenes.described import given_by
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, NUMBERS
 from jaxcrusher.scenes.plausibility import borrowed, remarks
@@ -107,7 +107,7 @@ def test_a_stroke_becomes_an_eccentricity(tmp_path):
     for name, stroke in C_SERIES.items():
         values = read_scene_file(write(tmp_path, {"stroke": f'"{stroke} mm"'} | links))
         assert "stroke" not in values
-        travel = float(jax.jit(capacity.stroke)(build_machine(values)))
+        travel = float(jax.jit(capacity.stroke)(build_linkage(values)))
         assert travel == pytest.approx(1e-3 * stroke, rel=1e-9), name
     both = write(tmp_path, {"stroke": '"34 mm"', "shaft.eccentricity": '"20 mm"'})
     with pytest.raises(ValueError, match="`stroke` must not stand beside"):
@@ -119,13 +119,13 @@ def test_a_stroke_becomes_an_eccentricity(tmp_path):
     # The file's holds by whatever links, and gives way to an eccentricity.
     mine = write(tmp_path, {"stroke": '"10 mm"'})
     given = given_by(mine, (("toggle.length", "250 mm"),))
-    assert float(capacity.stroke(build_machine(given))) == pytest.approx(0.01, rel=1e-9)
+    assert float(capacity.stroke(build_linkage(given))) == pytest.approx(0.01, rel=1e-9)
     throw = {"shaft.eccentricity": 0.012}
     assert given_by(mine, (("shaft.eccentricity", "12 mm"),)) == pytest.approx(throw)
 
 
 def test_the_stroke_s_ratio_is_that_of_places():
-    machine = build_machine({})
+    machine = build_linkage({})
     seen = jc.simulate(
         jc.ideal_scene(30.0), np.linspace(0, 2 * np.pi / 30, 2001), outputs=("jaw_position",)
     ).jaw_position

@@ -109,8 +109,8 @@ def test_simulate_says_what_the_motion_is(simulated):
         last = motion.foundation_force[200:-1].to_numpy()
         shaking = np.linalg.norm(motion.shaking_force[200:-1].to_numpy(), axis=1)
     found = re.search(
-        r"foundation ([\d.]+) N, peak ([\d.]+) N, RMS shaking force ([\d.]+) N, contact share ([\d.]+), "
-        r"no whirl, inside the contact model \(turns 2 to 2\)",
+        r"foundation ([\d.]+) N, peak ([\d.]+) N, RMS shaking force ([\d.]+) N, "
+        r"contact share ([\d.]+), no whirl, inside the contact model \(turns 2 to 2\)",
         text,
     )
     assert found, text
@@ -367,7 +367,7 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         options["progress"]("a stage")
         asked.update(parameters, metric=metric, turns=options["turns"])
         built = scene(**{name: 2 * value for name, value in parameters.items()})
-        assert float(built.machine.jaw.mass) == 1000.0 and float(built.drive.speed) == 25.0
+        assert float(built.linkage.body("jaw").mass) == 1000.0 and float(built.drive.speed) == 25.0
         slopes = {
             name: Slope(
                 name, "fit", np.float64(1.5), np.nan, 0.1, "doubtful", ("why",), {"fit": (1.5, 0.1)}

@@ -18,11 +18,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import jaxcrusher as jc
 from jaxcrusher import __main__
-from jaxcrusher.commands.crushers import read_crusher
+from jaxcrusher.commands.crushers import read_machine
 from jaxcrusher.commands.options import Crusher
 from jaxcrusher.files.program import parse
-from jaxcrusher.scenes.described import read_machine
 from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS
 from jaxcrusher.scenes.scene_file import key_of
 from optimize.run import search
@@ -264,7 +264,7 @@ def test_scene_files_with_slips(text, tmp_path, capsys):
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
     (tmp_path / "measured.csv").write_text("angle_deg, force_kN\n0, 2\n90, 8\n180, 3\n")
     try:
-        values = read_crusher(Crusher(scene=file)).values
+        values = read_machine(Crusher(scene=file)).values
     except BaseException as error:  # of every kind: a traceback is what is looked for
         one_clear_line(error)
     else:
@@ -282,7 +282,7 @@ def test_linkage_files_with_slips(text, tmp_path):
         (EXAMPLES / "double_toggle_load.csv").read_text()
     )
     try:
-        found = read_machine(file)
+        found = jc.read_machine(file)
     except BaseException as error:
         one_clear_line(error)
     else:

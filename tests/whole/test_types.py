@@ -9,8 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from jaxcrusher.crusher.observables import OBSERVABLES
-from jaxcrusher.crusher.statistics_table import STATISTIC
+from jaxcrusher.crusher.template import OBSERVABLES, STATISTIC
 from tests.processes import ended
 
 ROOT = Path(__file__).parents[2]
