@@ -51,7 +51,7 @@ def test_a_scene_of_traced_numbers_has_slopes():
         return jc.periodic_orbit(jc.ideal_scene(speed)).foundation_rms
 
     assert float(jax.grad(rms)(30.0)) == float(jax.grad(same)(30.0)) > 0
-    friction = jax.jit(lambda of: paper().scene(friction=of).joint.friction.coefficient)
+    friction = jax.jit(lambda of: paper().scene(friction=of).joints.at("main").friction.coefficient)
     assert float(friction(0.2)) == 0.2 and np.isnan(friction(-0.2))
 
 
