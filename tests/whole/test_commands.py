@@ -362,11 +362,12 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
     """`jaxcrusher.gradient_report` is tested elsewhere: here, what goes in and what is written."""
     asked, count = {}, []
 
-    def report(scene, metric, parameters, **options):
+    def report(machine, metric, names, **options):
         count.append(metric)
         options["progress"]("a stage")
+        parameters = {name: machine.number(name) for name in names}
         asked.update(parameters, metric=metric, turns=options["turns"])
-        built = scene(**{name: 2 * value for name, value in parameters.items()})
+        built = machine.scene(**{name: 2 * value for name, value in parameters.items()})
         assert float(built.linkage.body("jaw").mass) == 1000.0 and float(built.drive.speed) == 25.0
         slopes = {
             name: Slope(
@@ -414,15 +415,15 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
     ],
 )
 def test_a_gradient_is_by_the_speed_and_all_clearances(machine, names, tmp_path, monkeypatch):
-    asked = {}
+    asked = []
 
-    def report(scene, metric, parameters, **options):
-        asked.update(parameters)
+    def report(machine, metric, names, **options):
+        asked.extend(names)
         return GradientReport(metric, Regime("chaotic", ()), 10, (0.5, 0.1), {})
 
     monkeypatch.setattr(gradient.jc, "gradient_report", report)
     assert run(*shlex.split(f"gradient {machine} --out '{tmp_path}'"))[0] == 0
-    assert list(asked) == names
+    assert asked == names
 
 
 @pytest.mark.parametrize(
