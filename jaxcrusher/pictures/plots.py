@@ -18,7 +18,10 @@ from matplotlib.patches import Patch
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.crusher.capacity import CrushingChamber
-from jaxcrusher.crusher.outline import BLUE, ORANGE
+from jaxcrusher.crusher.outline import BLUE as BLUE
+from jaxcrusher.crusher.outline import GREEN as GREEN
+from jaxcrusher.crusher.outline import ORANGE as ORANGE
+from jaxcrusher.crusher.outline import PURPLE as PURPLE
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.scenes.echo import unit_of

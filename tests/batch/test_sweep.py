@@ -174,7 +174,9 @@ def test_designs_of_a_scene_of_ones_own_have_the_joints_that_they_have():
     assert json.loads(found.attrs["parameters"]) == {"speed": [30.0, "rad/s"], "gap": [5e-5, None]}
     with pytest.raises(ValueError, match="`base` must hold a number, such as the speed, where no"):
         jc.sweep({"worn": ["new"]}, 0, 1, scene=lambda worn: seats(30.0, worn))
-    with pytest.raises(ValueError, match=r"`outputs` must name statistics that these designs have"):
+    with pytest.raises(
+        ValueError, match=r"`outputs` must ask for bearing_life only of a scene with rollers there"
+    ):
         jc.sweep({"worn": ["new"]}, 0, 1, base=base, scene=seats, outputs=("bearing_life",))
 
 
