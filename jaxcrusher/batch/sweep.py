@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
-from jaxcrusher.basics.checks import require_names, require_whole
+from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.cluster import Result, workers
 from jaxcrusher.batch.engines import (
@@ -255,8 +255,8 @@ def plan(
     engine = engine or default_engine(at_once)
     designs = designs or chunk_of(at_once, engine)
     scenes = [grid.scene(alike[0]) for _, alike in grid.alike()]
-    known = itertools.chain(*(scene.statistics for scene in scenes))
-    require_names("outputs", outputs, tuple(dict.fromkeys(known)))
+    known = {name: one for scene in scenes for name, one in scene.statistics.items()}
+    scenes[0].require_outputs(outputs, known)
     entries, joints = {}, {}
     for scene in scenes:
         asked = [name for name in outputs if name in scene.statistics]

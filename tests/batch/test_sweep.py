@@ -179,7 +179,9 @@ def test_designs_of_a_scene_of_ones_own_have_the_joints_that_they_have():
     assert json.loads(found.attrs["parameters"]) == {"speed": [30.0, "rad/s"], "gap": [5e-5, None]}
     with pytest.raises(ValueError, match="`axes` must hold a number, such as the speed, where the"):
         jc.sweep(lambda worn: seats(30.0, worn), {"worn": ["new"]}, 0, 1)
-    with pytest.raises(ValueError, match=r"`outputs` must name statistics that these designs have"):
+    with pytest.raises(
+        ValueError, match=r"`outputs` must ask for bearing_life only of a scene with rollers there"
+    ):
         jc.sweep(machine, {"worn": ["new"]}, 0, 1, outputs=("bearing_life",))
 
 
