@@ -23,8 +23,7 @@ from jaxcrusher.batch.engines import stack
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
-from jaxcrusher.scenes.linkages import Drawing, drawn
-from jaxcrusher.scenes.scene_file import flattened
+from jaxcrusher.scenes.linkages import Drawing
 
 SPAN = 0.03  # s
 TIMES = np.linspace(0, SPAN, drawn_run.INSTANTS)
@@ -181,9 +180,10 @@ def mechanism(family: Family, seed: str) -> Drawn:
             "vertical_damping": block * chance.uniform(0, 100),
         }
     of["assembly"] = {"coupler": side}
-    read = drawn(flattened(of), lambda _, value: float(value))
-    angles = np.array([cmath.phase(axes[body][1]) for body in read.drawing.bodies])
-    return Drawn(read.drawing, read.values, angles)
+    read = jc.linkage_machine(**of)
+    assert isinstance(read.structure, Drawing)
+    angles = np.array([cmath.phase(axes[body][1]) for body in read.structure.bodies])
+    return Drawn(read.structure, read.values, angles)
 
 
 def by_peer(one: Drawn, e: dict[str, complex], rtol: float) -> Trajectory:

@@ -114,8 +114,8 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     Raises ValueError as `check_described` and `complete` do, and as `Scene` and `Machine` do.
     """
     require_x64()
-    check_described(values)
-    v = within_limits(complete(values))
+    numbers = check_described(values)
+    v = within_limits(complete(values), numbers)
     machine, drive = build_machine(v), drive_of(v)
     law, foundation, rod = _fed(_load(v, machine), v), foundation_of(v), _rod(v, machine)
     main = None if v["joint"] == "ideal" else joint_of(v, "")

@@ -30,9 +30,11 @@ Numbers are named by their place, as `joints.B.clearance` and `bodies.rod.mass_c
 """
 
 import dataclasses
+import operator
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -44,11 +46,9 @@ import numpy as np
 from jaxcrusher.basics.checks import (
     concrete,
     is_concrete,
-    nan_unless,
     renamed,
     require,
     require_choice,
-    require_known,
 )
 from jaxcrusher.basics.plane import Arm, Vector
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
@@ -58,91 +58,132 @@ from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.linkage_scene import LinkageScene
 from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.mechanism.topology import FRAME, dyads_of
+from jaxcrusher.mechanism.topology import FRAME, dyads_of, other_body
 from jaxcrusher.scenes.build import drive_of, foundation_of, joint_of
-from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.load_curve import load_curve, read_curve
 from jaxcrusher.scenes.machine import AbstractStructure, Machine
+from jaxcrusher.scenes.own_laws import is_own, law_numbers, require_one_law_each
 from jaxcrusher.scenes.parameters import (
     CHOICES,
     CHOICES_OF_A_JOINT,
-    NUMBERS,
     NUMBERS_OF_A_JOINT,
     PARAMETERS,
+    Needed,
     Parameter,
     check_number,
     complete,
-    readable,
+    filled,
+    key_of,
+    unknown,
     within_limits,
 )
-from jaxcrusher.scenes.scene_file import (
-    DIAMETERS,
-    flattened,
-    key_of,
-    naming,
-    read_entries,
-    read_value,
-    unknown,
-)
+from jaxcrusher.scenes.plausibility import RULES_OF_FRAME, remarks_by, rules_of_joint
+from jaxcrusher.scenes.units import all_said, said
+
+NEEDED = object()
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a description: a number, the laws to choose from, or None for what ties bodies.
+
+    `shape` says how it is written: as a "number", a "choice", a "pair" of numbers, a "point" (a
+    body and a pair), a "body" or a "curve". It stands where one of `comes_with` is there, a key or
+    a key with its choice, and never beside the key `without`. A default of None may be left out.
+    """
+
+    of: Parameter | tuple[str, ...] | None
+    shape: str = "number"
+    default: Any = NEEDED
+    comes_with: tuple[str, ...] = ()
+    without: str = ""
+
+
+def _usual(name: str, *comes_with: str) -> Key:
+    """A number of the crusher's, whose default counts where it is not given."""
+    return Key(PARAMETERS[name], default=PARAMETERS[name].default, comes_with=comes_with)
+
+
+def _of_joint(default: float, unit: str, meaning: str) -> Key:
+    """A number of a loose joint that the paper's joint does not have."""
+    return Key(Parameter(default, unit, meaning), default=default, comes_with=("clearance",))
+
 
 _ANYWHERE = (-1e3, 1e3)
 _PLACE = Parameter(0.0, "m", "of a point in its body's axes", _ANYWHERE, 1.0)
 _DIRECTION = Parameter(0.0, "1", "of a direction", (-1e6, 1e6), 1.0)
 _FORCE = Parameter(0.0, "N", "of a force in the frame's axes", (-1e12, 1e12), 1e3)
-# Section -> its numbers, then its pairs of numbers; those not `_WITH_DEFAULT` are needed.
-_NUMBERS = {
+# Section of a file -> the keys of each of its tables. A body, a curve and the body of a point tie
+# the drawing together; all else are numbers and choices of the machine.
+SECTIONS: dict[str, dict[str, Key]] = {
     "bodies": {
-        "mass": Parameter(1.0, "kg", "of the body"),
-        "inertia": Parameter(1.0, "kg m2", "of the body about its mass centre"),
+        "mass": Key(Parameter(1.0, "kg", "of the body")),
+        "inertia": Key(Parameter(1.0, "kg m2", "of the body about its mass centre")),
+        "mass_centre": Key(_PLACE, "pair", None),
     },
-    "joints": {name: PARAMETERS[name] for name in NUMBERS_OF_A_JOINT}
-    | {
-        "clearance": Parameter(0.06e-3, "m", "radial clearance c of the joint"),
-        "bore_radius": Parameter(0.13, "m", "radius R_i of the bore"),
-        "static_speed": Parameter(0.1, "m/s", "v0 of the friction law"),
-        "full_speed": Parameter(1.0, "m/s", "v1 of the friction law"),
+    "joints": {
+        "bore": Key(_PLACE, "point"),
+        "pin": Key(_PLACE, "point"),
+        "clearance": Key(
+            Parameter(0.06e-3, "m", "radial clearance c of the joint"), "number", None
+        ),
+        "bore_radius": Key(
+            Parameter(0.13, "m", "radius R_i of the bore"), comes_with=("clearance",)
+        ),
+        **{n: _usual(n, "clearance") for n in NUMBERS_OF_A_JOINT[2:]},
+        "static_speed": _of_joint(0.1, "m/s", "v0 of the friction law"),
+        "full_speed": _of_joint(1.0, "m/s", "v1 of the friction law"),
+        **{
+            name: Key(laws, "choice", laws[0], ("clearance",))
+            for name, laws in (CHOICES_OF_A_JOINT | {"contact_law": CHOICES["contact_law"]}).items()
+        },
+        **{n: _usual(n, "contact_law=rollers") for n in PARAMETERS if n.startswith("rollers.")},
     },
-    "slides": {},
-    "forces": {},
+    "slides": {
+        "body": Key(None, "body"),
+        "along": Key(_DIRECTION, "pair"),
+        "through": Key(_PLACE, "pair", None),
+    },
+    "forces": {
+        "body": Key(None, "body"),
+        "curve": Key(None, "curve", None),
+        "at": Key(_PLACE, "pair", None),
+        "force": Key(_FORCE, "pair", without="curve"),
+        "along": Key(_DIRECTION, "pair", comes_with=("curve",)),
+    },
     "springs": {
-        "stiffness": Parameter(1e5, "N/m", "of the spring", (0, 1e15)),
-        "length": Parameter(0.1, "m", "of the spring without its preload", (0, 1e3)),
-        "damping": Parameter(0.0, "N s/m", "beside the spring", (0, 1e12), 1e3),
-        "preload": Parameter(0.0, "N", "pull of the spring at its length", (-1e12, 1e12), 1e3),
+        "begin": Key(_PLACE, "point"),
+        "end": Key(_PLACE, "point"),
+        "stiffness": Key(Parameter(1e5, "N/m", "of the spring", (0, 1e15))),
+        "length": Key(Parameter(0.1, "m", "of the spring without its preload", (0, 1e3))),
+        "damping": Key(Parameter(0.0, "N s/m", "beside the spring", (0, 1e12), 1e3), default=0.0),
+        "preload": Key(
+            Parameter(0.0, "N", "pull of the spring at its length", (-1e12, 1e12), 1e3),
+            default=0.0,
+        ),
     },
-    "points": {},
+    "points": {"": Key(_PLACE, "point")},
 }
-_PAIRS = {
-    "bodies": {"mass_centre": _PLACE},
-    "slides": {"along": _DIRECTION, "through": _PLACE},
-    "forces": {"at": _PLACE, "force": _FORCE, "along": _DIRECTION},
+_G = ("foundation.x", "foundation.y")  # where the frame's mass centre is; the point of its moment
+_SUPPORTS = [n for n in complete({"foundation.mass": 1.0}) if n.startswith("foundation.")]
+# What stands outside of these tables.
+TOP: dict[str, Key] = {
+    "speed": Key(PARAMETERS["speed"]),
+    "gravity": Key(PARAMETERS["gravity"], default=None),
+    "speed_fluctuation": Key(PARAMETERS["speed_fluctuation"], default=None),
+    **{n: _usual(n, "speed_fluctuation") for n in ("fluctuation_order", "fluctuation_phase")},
+    **{n: Key(CHOICES[n], "choice", None) for n in ("start", "formulation")},
+    "foundation.mass": Key(PARAMETERS["foundation.mass"], default=None),
+    **{n: _usual(n, "foundation.mass", *_G) for n in _G},
+    **{
+        n: Key(PARAMETERS[n], comes_with=("foundation.mass",))
+        for n in _SUPPORTS
+        if n not in ("foundation.mass", *_G)
+    },
 }
-# Of points of bodies: a body, and a pair.
-_POINTS = {"joints": ("bore", "pin"), "springs": ("begin", "end")}
-_CHOICES = {name: CHOICES[name] for name in ("start", "formulation")}
-_TOP = ("speed", "speed_fluctuation", "fluctuation_order", "fluctuation_phase", "gravity")
-_UNEVEN = _TOP[1:4]
-# What a loose joint takes from the paper's joint.
-_BORROWED = tuple(n for n in _NUMBERS["joints"] if n not in ("clearance", "bore_radius"))
-# Numbers whose default counts where they are not given.
-_WITH_DEFAULT = (*_BORROWED, "damping", "preload")
-# Numbers and choices that come with a joint's clearance.
-_OF_LOOSE = ("bore_radius", *_BORROWED, *CHOICES_OF_A_JOINT)
-_SECTIONS = (*_NUMBERS, "foundation", "assembly")
+_OF_SPRING = ("stiffness", "length", "damping", "preload")
 _NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
-# Where the frame's G is; of a clamped frame, the point of its moment.
-_PLACE_OF_FRAME = ("foundation.x", "foundation.y")
-# Supports of the frame: what a file must give of them, besides where the frame's G is.
-_SUPPORTS = tuple(
-    name for name in complete({"foundation.mass": 1.0}) if name.startswith("foundation.")
-)
-# A number -> those that come with it, besides a loose joint's.
-_BROUGHT = {
-    "speed_fluctuation": _UNEVEN[1:],
-    "foundation.mass": [n for n in _SUPPORTS if n not in ("foundation.mass", *_PLACE_OF_FRAME)],
-}
 
 
 @dataclass(frozen=True)
@@ -166,8 +207,8 @@ class Drawing(AbstractStructure):
         """Return the scene of these numbers, which may be traced.
 
         A number that only `jax.jit` knows and that lies outside its limits becomes NaN. Raises
-        ValueError as `complete` does, for a known one outside its limits, and for an unknown
-        choice.
+        ValueError as `complete` does, for a known one outside its limits, for an unknown choice,
+        and for links that do not close, whatever way the clearances let the pins move.
         """
         v = self._within_limits(self.complete(values))
         bearings = {
@@ -175,6 +216,7 @@ class Drawing(AbstractStructure):
             for name, *_ in self.joints
             if f"joints.{name}.clearance" in v
         }
+        require_closing(self.linkage(v), {name: one.clearance for name, one in bearings.items()})
         return LinkageScene(
             drawn=self.linkage(v),
             bearings=Named(bearings),
@@ -187,6 +229,19 @@ class Drawing(AbstractStructure):
             points=Named({name: _point(v, f"points.{name}", body) for name, body in self.points}),
         )
 
+    @cached_property
+    def keys(self) -> Mapping[str, Key]:
+        """Return the numbers and choices that the linkage may have, by name."""
+        found, curved = dict(TOP), {name for name, _, curve in self.forces if curve is not None}
+        for section, words in SECTIONS.items():
+            items = [one if section == "bodies" else one[0] for one in getattr(self, section)]
+            for item in items:
+                by_curve = section == "forces" and item in curved
+                for word, key in words.items():
+                    if key.of is not None and _stands(key, by_curve):
+                        found |= _named(f"{section}.{item}.", word, key)
+        return found
+
     def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return numbers and choices, with the defaults of those that others bring along.
 
@@ -194,54 +249,57 @@ class Drawing(AbstractStructure):
         without what it belongs to, and for what is missing of the drive, of a body, of a spring, of
         a loose joint or of supports.
         """
-        known, v = self._always_known(), dict(values)
-        if not v.keys().isdisjoint(("foundation.mass", *_PLACE_OF_FRAME)):
-            v = dict.fromkeys(_PLACE_OF_FRAME, 0.0) | v
-        if "speed_fluctuation" in v:
-            v = {name: PARAMETERS[name].default for name in _UNEVEN} | v
-        loose = {
-            f"joints.{joint}.clearance": [f"joints.{joint}.{of}" for of in _OF_LOOSE]
-            for joint, *_ in self.joints
+        numbers, keys = self.numbers(values), self.keys
+        for name in values:
+            if name not in keys and name not in numbers:
+                raise unknown(name, (*numbers, *self.choices(values)))
+        defaults = {
+            name: Needed(numbers[name].unit) if key.default is NEEDED else key.default
+            for name, key in keys.items()
         }
-        for first, names in (_BROUGHT | loose).items():
-            for name in names:
-                require(first in v or name not in v, name, f"come with {first}", "alone")
-                require(first not in v or name in v, name, f"be given with {first}", "missing")
-            known += [first, *names] if first in v else []
-        for name in v:
-            if name not in known:
-                raise unknown(name, tuple(known))
-        for name in ("speed", *self._of_bodies_and_springs()):
-            require(name in v, name, "be given", "missing")
-        return v
+        return filled(values, defaults, lambda name: keys[name].comes_with if name in keys else ())
 
     def _within_limits(self, values: dict[str, Any]) -> dict[str, Any]:
         """Return numbers and choices, each of which is checked as one of a file is."""
-        choices = self.choices(values)
+        numbers, choices = self.numbers(values), self.choices(values)
+        require_one_law_each(values, law_numbers(values, self.keys))
         for name, value in values.items():
-            if name in choices:
-                _require_choice(name, value, choices[name])
-                continue
-            NUMBERS.setdefault(name, _parameter(name))
-            check_number(name, value)
-        return within_limits(values)
+            if name in numbers:
+                check_number(name, value, numbers)
+            elif not is_own(name, value):
+                require_choice(name, value, choices[name])
+        pairs = (("clearance", "bore_radius"), ("static_speed", "full_speed"))
+        pairs += (("rollers.diameter", "rollers.pitch_diameter"),)
+        of_joints = [
+            (f"joints.{joint}.{one}", operator.lt, f"joints.{joint}.{other}")
+            for joint, *_ in self.joints
+            for one, other in pairs
+        ]
+        return within_limits(values, numbers, of_joints)
 
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
-        """Return those that it has, given or not."""
-        names = dict.fromkeys((*self._always_known(), *values))
-        return {name: _parameter(name) for name in names if name not in self.choices(values)}
+        """Return those of its tables, and of the laws of one's own that the values name."""
+        own = {n: key.of for n, key in self.keys.items() if isinstance(key.of, Parameter)}
+        return own | law_numbers(values, self.keys)
 
     def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
         """Return those of the motion, and of loose joints."""
-        laws = CHOICES_OF_A_JOINT.items()
-        return _CHOICES | {
-            f"joints.{joint}.{of}": known for joint, *_ in self.joints for of, known in laws
-        }
+        return {n: key.of for n, key in self.keys.items() if isinstance(key.of, tuple)}
+
+    def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values but for the zeros of points and directions, which are never traced."""
+        both = {**given, **over}
+        return {n: v for n, v in both.items() if v != 0 or n[-2:] not in (".x", ".y")}
+
+    def unusual(self, values: Mapping[str, Any]) -> list[str]:
+        """Return what may be a slip of the frame, of gravity and of loose joints."""
+        rules = [rule for name, *_ in self.joints for rule in rules_of_joint(f"joints.{name}.")]
+        return remarks_by((*RULES_OF_FRAME, *rules), self.complete(values), self.numbers(values))
 
     def left_open(self, machine: Machine) -> list[str]:
         """Return which numbers and sides the file leaves to defaults."""
         values, names = machine.values, machine.defaults
-        told = [f"{name} {readable(name, values[name])}" for name in names if name in values]
+        told = [f"{n} {said(n, values[n], machine.units)}" for n in names if n in values]
         told += [f"{name} 1" for name in names if name not in values]
         return [f"leaves {len(told)} numbers to defaults: {', '.join(told)}."] if told else []
 
@@ -259,30 +317,6 @@ class Drawing(AbstractStructure):
     def record(self) -> dict[str, str]:
         """Return the drawing in words."""
         return {"drawing": repr(self)}
-
-    def _of_bodies_and_springs(self) -> list[str]:
-        """Return the names of the numbers that each body and each spring has."""
-        return [
-            *(f"bodies.{name}.{of}" for name in self.bodies for of in _NUMBERS["bodies"]),
-            *(f"springs.{name}.{of}" for name, *_ in self.springs for of in _NUMBERS["springs"]),
-        ]
-
-    def _always_known(self) -> list[str]:
-        """Return the names that are read whatever joints are loose and the frame stands on."""
-        pairs = [
-            *(f"bodies.{name}.mass_centre" for name in self.bodies),
-            *(f"joints.{name}.{end}" for name, *_ in self.joints for end in _POINTS["joints"]),
-            *(f"slides.{name}.{of}" for name, _ in self.slides for of in _PAIRS["slides"]),
-            *(f"forces.{name}.at" for name, *_ in self.forces),
-            *(f"forces.{name}.{'along' if curve else 'force'}" for name, _, curve in self.forces),
-            *(f"springs.{name}.{end}" for name, *_ in self.springs for end in _POINTS["springs"]),
-            *(f"points.{name}" for name, _ in self.points),
-        ]
-        return [
-            *(*_TOP, *_PLACE_OF_FRAME, *_CHOICES),
-            *self._of_bodies_and_springs(),
-            *(f"{pair}.{axis}" for pair in pairs for axis in "xy"),
-        ]
 
     def linkage(self, values: Mapping[str, Any]) -> Linkage:
         """Return bodies, joints and slides."""
@@ -306,14 +340,18 @@ class Drawing(AbstractStructure):
         return next(n for n, *both in self.joints if {self.crank, FRAME} == set(both))
 
 
-def _parameter(name: str) -> Parameter:
-    """Return what is known of a number by its name, as of `joints.B.bore.x`."""
-    section, _, rest = name.partition(".")
-    if section not in _NUMBERS:
-        return NUMBERS[name]
-    key = rest.partition(".")[2]
-    pairs = _PAIRS.get(section, {})
-    return _NUMBERS[section].get(key) or pairs.get(key.rpartition(".")[0], _PLACE)
+def _stands(key: Key, curved: bool) -> bool:
+    """Return whether a key may stand in a table that has a curve, or has none."""
+    return not key.without if curved else "curve" not in key.comes_with
+
+
+def _named(prefix: str, word: str, key: Key) -> dict[str, Key]:
+    """Return a key's numbers or its choice by name; those of a pair may be left out, and are 0."""
+    opening = tuple(prefix + one for one in key.comes_with if one != "curve")
+    if key.shape in ("number", "choice"):
+        return {prefix + word: dataclasses.replace(key, comes_with=opening)}
+    zero = dataclasses.replace(key, default=None, comes_with=opening)
+    return {f"{prefix}{word}".rstrip(".") + axis: zero for axis in (".x", ".y")}
 
 
 def _arm(values: Mapping[str, Any], name: str) -> Arm:
@@ -338,10 +376,7 @@ def _bearing(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
         return bearing
     speeds = {name: values[f"{prefix}{name}"] for name in ("static_speed", "full_speed")}
     static, full = map(concrete, speeds.values())
-    if static is None or full is None:
-        in_order = speeds["static_speed"] < speeds["full_speed"]
-        speeds["static_speed"] = nan_unless(in_order, speeds["static_speed"])
-    else:
+    if static is not None and full is not None:
         good = bool((static < full).all())
         require(good, f"{prefix}static_speed", f"be less than full_speed {full} m/s", static)
     friction = dataclasses.replace(bearing.friction, **speeds)
@@ -359,323 +394,266 @@ def _push(values: Mapping[str, Any], name: str, body: str, curve: tuple | None) 
 def _spring(values: Mapping[str, Any], name: str, begin: str, end: str) -> Spring:
     at = f"springs.{name}"
     ends = _point(values, f"{at}.begin", begin), _point(values, f"{at}.end", end)
-    return Spring(ends, *(values[f"{at}.{n}"] for n in _NUMBERS["springs"]))
+    return Spring(ends, *(values[f"{at}.{n}"] for n in _OF_SPRING))
 
 
-class _Reading:
-    """What the entries of a description come to, one after the other."""
+class _Tables:
+    """The tables of a description, from which the drawing takes what ties it together.
 
-    def __init__(self, entries: Iterable[tuple[str, Any]], number: Callable[[str, Any], float]):
-        self.number = number
-        self.values: dict[str, Any] = {}
-        self.defaults: list[str] = []  # names of numbers and sides that are not given
-        self.left: dict[str, Any] = {}
-        self.sections: dict[str, dict[str, dict[str, Any]]] = {name: {} for name in _SECTIONS}
-        self.written: dict[str, str] = {}  # name -> what is given, maybe a diameter
+    Raises ValueError for an unknown key, with near misses, and for a table with a name that is no
+    variable's.
+    """
+
+    def __init__(self, entries: Iterable[tuple[str, Any]], folder: Path):
+        self.folder = folder
+        self.rest: list[tuple[str, Any]] = []  # numbers and choices, by name
+        self.tables: dict[str, dict[str, dict[str, Any]]] = {
+            name: {} for name in (*SECTIONS, "assembly")
+        }
         for name, value in entries:
             section, _, rest = name.partition(".")
-            if not rest or section == "foundation":
-                self.left[name] = value
+            if section not in self.tables or not rest:
+                self.rest.append((name, value))
                 continue
-            require_known(section, _SECTIONS)
-            item, _, key = rest.partition(".")
-            table = self.sections[section].setdefault(item, {})
-            radius = DIAMETERS.get(key, key) if section == "joints" else key
-            require(radius not in table, name, f"not stand beside {radius} or its double", "given")
-            table[radius] = value
-            self.written[f"{section}.{item}.{radius}"] = name
-        for section in _NUMBERS:
-            for item, keys in self.sections[section].items():
+            item, _, word = rest.partition(".")
+            table = self.tables[section].setdefault(item, {})
+            require(word not in table, name, "be given once", "given twice")
+            table[word] = value
+        known = [
+            f"{section}.{item}.{word}".rstrip(".")
+            for section, words in SECTIONS.items()
+            for item in self.tables[section] or ("NAME",)
+            for word in words
+        ]
+        known = ("crank", *TOP, *known, *(f"assembly.{name}" for name in self.tables["bodies"]))
+        named = [
+            f"{section}.{item}.{word}".rstrip(".")
+            for section in SECTIONS
+            for item, words in self.tables[section].items()
+            for word in words
+        ]
+        for name in (*(name for name, _ in self.rest), *named):
+            if key_of(name) not in (*known, "kind"):
+                raise unknown(name, known)
+        for section in SECTIONS:
+            for item in self.tables[section]:
                 must = "be named by letters, digits and _, as results and MATLAB's variables are"
                 require(bool(_NAME.fullmatch(item)), f"{section}.{item}", must, repr(item))
-                for key in keys:
-                    require_known(f"{section}.{item}.{key}".rstrip("."), _known(section, item))
-        for name in self.left:
-            require_known(name, ("kind", "crank", *_TOP, *_CHOICES, *_SUPPORTS))
 
-    def keep(self, name: str, value: Any) -> None:
-        """Keep a number, whose name is known from now on."""
-        NUMBERS[name] = _parameter(name)
-        self.values[name] = self.number(self.written.get(name, name), value)
+    def taken(self, name: str, otherwise: Any = None) -> Any:
+        """Return what stands outside of tables by a name, and leave it out of the numbers."""
+        found = dict(self.rest).get(name, otherwise)
+        self.rest = [(key, value) for key, value in self.rest if key != name]
+        return found
 
-    def pair(self, name: str, given: Any) -> None:
-        """Keep the two numbers of a point or a vector but for zeros."""
-        good = isinstance(given, list | tuple) and len(given) == 2
-        require(good, name, f"be a pair [x, y] in {_parameter(f'{name}.x').unit}", repr(given))
-        for axis, one in zip("xy", given, strict=True):
-            self.keep(f"{name}.{axis}", one)
-            if self.values[f"{name}.{axis}"] == 0:
-                del self.values[f"{name}.{axis}"]
+    def ties(self, section: str) -> tuple[Any, ...]:
+        """Return each table's name and what ties it: bodies, and of a force the curve's points."""
+        return tuple((item, *self._ties(section, item)) for item in self.tables[section])
 
-    def point(self, name: str, given: Any) -> str:
-        """Keep a point of a body, and return the body."""
-        good = isinstance(given, list | tuple) and len(given) == 3
-        require(good, name, "be a point [body, x, y]", "missing" if given is None else repr(given))
-        assert given is not None
-        body, *pair = given
-        self.body(name, body)
-        self.pair(name, pair)
+    def _ties(self, section: str, item: str) -> list[Any]:
+        given, at, found = self.tables[section][item], f"{section}.{item}", []
+        curved = "curve" in given
+        for word, key in SECTIONS[section].items():
+            name, value = f"{at}.{word}".rstrip("."), given.pop(word, None)
+            if value is not None and not _stands(key, curved):
+                require(not key.without, name, f"not stand beside {at}.{key.without}", "given")
+                require(False, name, f"come with `{at}.{key.comes_with[0]}`", "alone")
+            if key.shape == "body":
+                found.append(self.body(name, value))
+            elif key.shape == "curve":
+                found.append(None if value is None else _curve(name, value, self.folder))
+            elif key.shape in ("pair", "point") and _stands(key, curved):
+                found += self.placed(name, key, value)
+            elif value is not None:
+                self.rest.append((name, value))
+        self.rest += [(f"{at}.{word}", value) for word, value in given.items()]  # diameters
+        if found[1:] and None not in found and section in ("joints", "springs"):
+            require(found[0] != found[1], at, "join two bodies", f"of {found[0]} alone")
+        return found
+
+    def placed(self, name: str, key: Key, value: Any) -> list[str]:
+        """Leave the two numbers of a pair or a point to be read, and return the point's body."""
+        if value is None and key.default is None:
+            return []
+        assert isinstance(key.of, Parameter)
+        unit, is_point = key.of.unit, key.shape == "point"
+        must = "be a point [body, x, y]" if is_point else f"be a pair [x, y] in {unit}"
+        good = isinstance(value, list | tuple) and len(value) == 2 + is_point
+        require(good, name, must, "missing" if value is None else repr(value))
+        body = [self.body(name, value[0])] if is_point else []
+        self.rest += [(f"{name}.{axis}", one) for axis, one in zip("xy", value[-2:], strict=True)]
         return body
-
-    def ends(self, section: str, item: str) -> tuple[str, str]:
-        """Keep the two points of a joint or a spring, and return their bodies."""
-        at, keys = f"{section}.{item}", self.sections[section][item]
-        one, other = (self.point(f"{at}.{end}", keys.pop(end, None)) for end in _POINTS[section])
-        require(one != other, at, "join two bodies", f"of {one} alone")
-        return one, other
 
     def body(self, name: str, body: Any) -> str:
         """Return a body's name, if there is such a body."""
-        known = (*self.sections["bodies"], FRAME)
+        known = (*self.tables["bodies"], FRAME)
         must = f"name a body: {', '.join(known)}"
         require(body in known, name, must, "missing" if body is None else repr(body))
         return str(body)
 
-    def numbers(self, section: str, item: str) -> None:
-        """Keep the numbers of an item; one without a default must be there."""
-        for key, parameter in _NUMBERS[section].items():
-            name, given = f"{section}.{item}.{key}", self.sections[section][item].pop(key, None)
-            if given is None and key in _WITH_DEFAULT:
-                NUMBERS[name], self.values[name] = parameter, parameter.default
-                self.defaults += [name] if section == "joints" else []
-                continue
-            require(given is not None, name, f"be given in {parameter.unit}", "missing")
-            self.keep(name, given)
-
-    def ended(self) -> None:
-        """Check that all has been used: a radius of a joint without clearance would be in vain."""
-        for section in _NUMBERS:
-            for item, keys in self.sections[section].items():
-                for key in keys:
-                    must = "come with what it belongs to, as a clearance or a curve"
-                    require(False, f"{section}.{item}.{key}", must, "alone")
-
-
-def _known(section: str, item: str) -> list[str]:
-    """Return the keys that a table of a section may have."""
-    if section == "points":
-        return [f"points.{item}"]
-    keys = [*_NUMBERS[section], *_PAIRS.get(section, ()), *_POINTS.get(section, ())]
-    further = {
-        "joints": tuple(CHOICES_OF_A_JOINT),
-        "forces": ("body", "curve"),
-        "slides": ("body",),
-    }
-    return [f"{section}.{item}.{key}" for key in (*keys, *further.get(section, ()))]
-
-
-def _joints(reading: _Reading) -> tuple[tuple[str, str, str], ...]:
-    """Read joints, and the numbers and laws of loose ones."""
-    found = []
-    for item, keys in reading.sections["joints"].items():
-        found.append((item, *reading.ends("joints", item)))
-        if "clearance" not in keys:
-            continue
-        reading.numbers("joints", item)
-        for key, laws in CHOICES_OF_A_JOINT.items():
-            name = f"joints.{item}.{key}"
-            CHOICES[name] = laws  # known from now on, as numbers are
-            reading.values[name] = law = keys.pop(key, laws[0])
-            _require_choice(name, law, laws)
-    return tuple(found)
-
-
-def _require_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
-    """Raise ValueError for a law that is none of the package, also for a class of one's own."""
-    own = isinstance(value, str) and ":" in value
-    must = "name a law of the package (one of your own is put into the joint of a scene in Python)"
-    require(not own, name, must, value)
-    require_choice(name, value, choices)
+    def sides(self, dyads: Iterable[Any]) -> tuple[tuple[int, ...], list[str]]:
+        """Return the side of each dyad, seen from its first body, and which are not given: 1."""
+        given = {body: keys.get("", keys) for body, keys in self.tables["assembly"].items()}
+        for body, side in given.items():
+            good = not isinstance(side, bool) and side in (-1, 1)
+            require(good, f"assembly.{body}", "be 1 or -1", repr(side))
+        sides, left = [], []
+        for dyad in dyads:
+            slid = dyad.second_joint in self.tables["slides"]
+            seen = {dyad.first: 1, dyad.second: 1 if slid else -1}
+            told = {seen[body] * given.pop(body) for body in seen if body in given}
+            left += [] if told else [f"assembly.{dyad.first}"]
+            both = f"two by {dyad.first} and {dyad.second}"
+            require(len(told) < 2, f"assembly.{dyad.first}", "be one side of a dyad", both)
+            sides.append(int(told.pop()) if told else 1)
+        for body in given:
+            require(False, f"assembly.{body}", "name a body of a dyad", "none")
+        return tuple(sides), left
 
 
 def drawn(
-    entries: Iterable[tuple[str, Any]],
-    number: Callable[[str, Any], float],
-    folder: Path = Path(),
-) -> Machine:
-    """Return the machine of a description.
+    entries: Iterable[tuple[str, Any]], folder: Path = Path()
+) -> tuple[Drawing, list[tuple[str, Any]], list[str]]:
+    """Return the drawing of a description, its numbers and choices, and which sides it leaves out.
 
-    Raises ValueError of one line for a key that is unknown or missing, a body that there is not,
-    bodies that are no dyads, and links that do not close at some angle of the crank.
+    The numbers and choices are as they are written, each by its name. Raises ValueError of one line
+    for a key that is unknown, a body that there is not, and bodies that are no dyads.
     """
-    reading = _Reading(entries, number)
-    bodies = tuple(reading.sections["bodies"])
+    tables = _Tables(entries, folder)
+    bodies = tuple(tables.tables["bodies"])
     require(bool(bodies), "bodies", "have a table [bodies.NAME] each", "missing")
     require(FRAME not in bodies, "bodies", f"have other names than {FRAME!r}", repr(FRAME))
-    crank = str(reading.left.pop("crank", "missing"))
+    tables.taken("kind")
+    crank = str(tables.taken("crank", "missing"))
     must = f"name the body that the drive turns: {', '.join(bodies)}"
     require(crank in bodies, "crank", must, crank)
-    for item, keys in reading.sections["bodies"].items():
-        reading.numbers("bodies", item)
-        reading.pair(f"bodies.{item}.mass_centre", keys.pop("mass_centre", [0, 0]))
-    joints = _joints(reading)
+    tables.ties("bodies")
+    joints, slides = tables.ties("joints"), tables.ties("slides")
     held = any({crank, FRAME} == {bore, pin} for _, bore, pin in joints)
     require(held, "crank", "have a joint to the frame", f"{crank!r} without one")
-    slides, forces, springs = [], [], []
-    for item, keys in reading.sections["slides"].items():
-        at = f"slides.{item}"
-        slides.append((item, reading.body(f"{at}.body", keys.pop("body", None))))
-        reading.pair(f"{at}.along", keys.pop("along", None))
-        reading.pair(f"{at}.through", keys.pop("through", [0, 0]))
-    for item, keys in reading.sections["forces"].items():
-        at, curve = f"forces.{item}", None
-        body = reading.body(f"{at}.body", keys.pop("body", None))
-        require(body != FRAME, f"{at}.body", "be a body that moves", repr(FRAME))
-        reading.pair(f"{at}.at", keys.pop("at", [0, 0]))
-        if "curve" in keys:
-            curve = _curve(at, keys.pop("curve"), folder)
-            reading.pair(f"{at}.along", keys.pop("along", None))
-        else:
-            reading.pair(f"{at}.force", keys.pop("force", None))
-        forces.append((item, body, curve))
-    for item in reading.sections["springs"]:
-        springs.append((item, *reading.ends("springs", item)))
-        reading.numbers("springs", item)
-    points = [
-        (item, reading.point(f"points.{item}", keys.pop("", None)))
-        for item, keys in reading.sections["points"].items()
-    ]
-    _whole(reading)
-    names = tuple((name, FRAME, body) for name, body in slides)
-    dyads = dyads_of((*joints, *names), tuple(n for n, _ in slides), bodies, crank)
-    drawing = Drawing(
-        crank,
-        bodies,
-        joints,
-        tuple(slides),
-        tuple(forces),
-        tuple(springs),
-        tuple(points),
-        _sides(reading, dyads),
-    )
-    reading.ended()
-    values = drawing.complete(reading.values)
-    require_closing(drawing.scene(values))
-    return Machine(drawing, values, defaults=tuple(reading.defaults))
+    forces, springs, points = (tables.ties(name) for name in ("forces", "springs", "points"))
+    for item, body, _ in forces:
+        require(body != FRAME, f"forces.{item}.body", "be a body that moves", repr(FRAME))
+    ends = (*joints, *((name, FRAME, body) for name, body in slides))
+    sides, left = tables.sides(dyads_of(ends, tuple(n for n, _ in slides), bodies, crank))
+    drawing = Drawing(crank, bodies, joints, slides, forces, springs, points, sides)
+    return drawing, tables.rest, left
 
 
-def _whole(reading: _Reading) -> None:
-    """Read what stands outside of tables: the drive, gravity, the start, and the supports."""
-    left = reading.left
-    left.pop("kind", None)
-    require("speed" in left, "speed", "be given, as in '5000 rpm'", "missing")
-    for name in (*_TOP, *_SUPPORTS):
-        if name in left:
-            reading.values[name] = reading.number(name, left.pop(name))
-    for name, choices in _CHOICES.items():
-        if name in left:
-            require_choice(name, left[name], choices)
-            reading.values[name] = left.pop(name)
-
-
-def _sides(reading: _Reading, dyads: Iterable[Any]) -> tuple[int, ...]:
-    """Return the side of each dyad, seen from its first body; 1 where none is given."""
-    given = {body: keys.get("", keys) for body, keys in reading.sections["assembly"].items()}
-    for body, side in given.items():
-        good = not isinstance(side, bool) and side in (-1, 1)
-        require(good, f"assembly.{body}", "be 1 or -1", repr(side))
-    sides = []
-    for dyad in dyads:
-        slid = dyad.second_joint in reading.sections["slides"]
-        seen = {dyad.first: 1, dyad.second: 1 if slid else -1}
-        said = {seen[body] * given.pop(body) for body in seen if body in given}
-        reading.defaults += [] if said else [f"assembly.{dyad.first}"]
-        both = f"two by {dyad.first} and {dyad.second}"
-        require(len(said) < 2, f"assembly.{dyad.first}", "be one side of a dyad", both)
-        sides.append(int(said.pop()) if said else 1)
-    for body in given:
-        require(False, f"assembly.{body}", "name a body of a dyad", "none")
-    return tuple(sides)
-
-
-def _curve(at: str, given: Any, folder: Path) -> tuple:
+def _curve(name: str, given: Any, folder: Path) -> tuple:
     """Return the points of a curve, a file's or an array's, as tuples."""
-    with renamed(load_curve=f"{at}.curve"):
+    with renamed(load_curve=name):
         points = read_curve(folder / given if isinstance(given, str | Path) else given)
         load_curve(points)
     return tuple(map(tuple, points.tolist()))
 
 
 # Least sine of the angle between two links, or between a link and the perpendicular of its slide. A
-# linkage that passes a dead point comes as close to zero within half a degree of its crank.
+# linkage that passes a dead point comes as close to zero within half a degree of its crank, and
+# contacts let pins go a little further than their clearance.
 LEAST_LEVER = 0.02
 
 
+class _Reach(eqx.Module):
+    """How far a body may be from where ideal joints have it, by all eccentricities together."""
+
+    place: Vector  # of a point of the body
+    moved: Any  # by which that point may be off, m
+    turned: Any  # the angle by which the body may be turned, rad
+
+    def at(self, point: Vector) -> Any:
+        """Return by how much another point of the body may be off."""
+        apart = point - self.place
+        return self.moved + 2 * jnp.sqrt(apart.dot(apart)) * jnp.sin(self.turned / 2)
+
+
 @eqx.filter_jit
-def _levers(linkage: Linkage, angles: Any) -> list[Any]:
-    """Return that sine of each dyad at angles of the crank; it is NaN where a dyad is open."""
+def _levers(linkage: Linkage, clearances: Mapping[str, Any], angles: Any) -> list[tuple]:
+    """Return that sine of each dyad at angles of the crank, and the least by all eccentricities.
 
-    def one(angle: Any) -> list[Any]:
-        motion, found = ideal_at_rest(linkage, angle), []
+    It is NaN where a dyad is open. The pin of a loose joint is anywhere in its clearance, so that
+    the outer joints of a dyad may come nearer to each other or farther apart by the sum of what
+    moves them and of the three clearances. The least sine and the greatest turn of each link are
+    those of the ends of that interval, but for the distance at which a link stands at right angles
+    to the line of the outer joints.
+    """
+
+    def play(*joints: str) -> Any:
+        return sum(clearances.get(name, 0.0) for name in joints)
+
+    def one(angle: Any) -> list[tuple]:
+        motion = ideal_at_rest(linkage, angle)
+        zero = Vector(jnp.zeros(()), jnp.zeros(()))
+        reach = {FRAME: _Reach(zero, 0.0, 0.0)}
+        reach[linkage.crank] = _Reach(zero, play(linkage.bearing), 0.0)
+        found = []
+
+        def outer(joint: str, body: str) -> tuple[Vector, Any]:
+            place = motion.position(Point(body, linkage.side_of(joint, body)))
+            return place, reach[other_body(linkage.ends, joint, body)].at(place) + play(joint)
+
         for dyad in linkage.dyads:
-
-            def at(joint: str, body: str) -> Vector:
-                return motion.position(Point(body, linkage.side_of(joint, body)))
-
-            meeting = at(dyad.meeting, dyad.first)
-            u = meeting - at(dyad.first_joint, dyad.first)
+            meeting = motion.position(Point(dyad.first, linkage.side_of(dyad.meeting, dyad.first)))
+            begin, off = outer(dyad.first_joint, dyad.first)
+            u = meeting - begin
+            length = jnp.sqrt(u.dot(u))
             if dyad.second_joint in linkage.slides:
-                v = linkage.slide(dyad.second_joint).direction.perp()
+                ahead = linkage.slide(dyad.second_joint).direction
+                share, total = jnp.abs(ahead.cross(u)) / length, off + play(dyad.meeting)
+                least = share + total / length
+                turned = jnp.arcsin(jnp.minimum(least, 1.0)) - jnp.arcsin(share)
+                found.append((jnp.sqrt(1 - share**2), jnp.sqrt(1 - least**2)))
+                slid = total + 2 * length * jnp.sin(turned / 2)
+                reach[dyad.second] = _Reach(meeting, slid, 0.0)
             else:
-                v = at(dyad.second_joint, dyad.second) - meeting
-            found.append(jnp.abs(u.cross(v)) / jnp.sqrt(u.dot(u) * v.dot(v)))
+                end, off_end = outer(dyad.second_joint, dyad.second)
+                v, span = end - meeting, end - begin
+                other, apart = jnp.sqrt(v.dot(v)), jnp.sqrt(span.dot(span))
+                total = off + off_end + play(dyad.meeting)
+                near, far = jnp.maximum(apart - total, 0.0), apart + total
+                levers = _lever(length, other, jnp.array([apart, near, far]))
+                found.append((levers[0], jnp.min(levers)))
+                swing = jnp.arcsin(jnp.minimum(total / apart, 1.0))
+                turned = swing + _turn(length, other, apart, near, far)
+                turned_other = swing + _turn(other, length, apart, near, far)
+                reach[dyad.second] = _Reach(end, off_end, turned_other)
+            reach[dyad.first] = _Reach(begin, off, turned)
         return found
 
     return jax.vmap(one)(angles)
 
 
-def require_closing(scene: AbstractScene) -> None:
-    """Raise ValueError for known numbers by which a dyad is open, or dead, at some degree."""
-    linkage = scene.linkage
-    if not is_concrete(linkage):
+def _lever(length: Any, other: Any, apart: Any) -> Any:
+    """Return the sine of the angle between two links whose outer joints are apart; NaN: open."""
+    return jnp.sqrt(1 - ((length**2 + other**2 - apart**2) / (2 * length * other)) ** 2)
+
+
+def _turn(length: Any, other: Any, apart: Any, near: Any, far: Any) -> Any:
+    """Return by how much a link may turn against the line of the outer joints, rad."""
+
+    def base(at: Any) -> Any:
+        cosine = (at**2 + length**2 - other**2) / (2 * at * length)
+        return jnp.arccos(jnp.clip(cosine, -1.0, 1.0))
+
+    upright = jnp.clip(jnp.sqrt(jnp.maximum(length**2 - other**2, 0.0)), near, far)
+    return jnp.max(jnp.abs(base(jnp.array([near, far, upright])) - base(apart)))
+
+
+def require_closing(linkage: Linkage, clearances: Mapping[str, Any]) -> None:
+    """Raise ValueError for known numbers by which a dyad is open, or dead, at some degree.
+
+    The pins of loose joints may be anywhere in their clearance meanwhile.
+    """
+    if not is_concrete((linkage, clearances)):
         return
-    levers = _levers(linkage, jnp.radians(jnp.arange(360.0)))
-    for dyad, lever in zip(linkage.dyads, map(np.asarray, levers), strict=True):
+    with jax.ensure_compile_time_eval():
+        levers = _levers(linkage, clearances, jnp.radians(jnp.arange(360.0)))
+    for dyad, both in zip(linkage.dyads, levers, strict=True):
         must = f"let {dyad.first} and {dyad.second} meet at every angle of the crank"
-        for bad, told in (
-            (np.isnan(lever), "open"),
-            (lever < LEAST_LEVER, "at a dead point, from which they may go on either way,"),
-        ):
-            value = f"{told} at a crank angle of {np.argmax(bad)} deg"
-            require(not bad.any(), "bodies", must, value)
-
-
-def _number(name: str, value: Any) -> float:
-    """Return a number as Python gives it: in SI units, or a text with its unit."""
-    if isinstance(value, str):
-        return float(read_value(name, value))
-    key = key_of(name)
-    check_number(key, value)
-    return float(value) if key == name else float(value) / 2  # a diameter
-
-
-def linkage_machine(**description: Any) -> Machine:
-    """Return a linkage as a machine: the tables of a file as keywords, numbers in SI units.
-
-    **Arguments:** as in a file of `kind = "linkage"` (see `jaxcrusher.scenes.linkages`), each table
-    a mapping: `crank`, `speed`, `bodies`, `joints`, `slides`, `forces`, `springs`, `points`,
-    `assembly`, `foundation`. A number is in SI units, or a text with its unit.
-
-    **Returns:** a `Machine`, for sweeps, maps, identification and the search.
-
-    Raises ValueError of one line as `drawn` does.
-    """
-    return drawn(flattened(description), _number)
-
-
-def linkage(**description: Any) -> LinkageScene:
-    """Return the scene of a linkage; arguments and errors as of `linkage_machine`."""
-    read = linkage_machine(**description)
-    assert isinstance(read.structure, Drawing)
-    return read.structure.scene(read.given)
-
-
-def read_linkage(path: Path | str) -> Machine:
-    """Return the machine of a file of `kind = "linkage"`.
-
-    Raises ValueError of one line, with the file and the key, as `drawn` and `read_scene_file` do.
-    """
-    path = Path(path)
-    entries = read_entries(path)
-    with naming(path):
-        return drawn(entries, lambda name, value: float(read_value(name, value)), path.parent)
+        for lever, where in zip(map(np.asarray, both), ("", " with all clearances"), strict=True):
+            for bad, told in (
+                (np.isnan(lever), "open"),
+                (lever < LEAST_LEVER, "at a dead point, from which they may go on either way,"),
+            ):
+                value = f"{told} at a crank angle of {np.argmax(bad)} deg"
+                require(not bad.any(), "bodies", must + where, value)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxcrusher.scenes.echo import per, said, unit_of, units_of, units_of_file
+from jaxcrusher.scenes.units import per, said, unit_of, units_of, units_of_file
 
 
 def test_units_are_read_as_they_are_written(tmp_path):

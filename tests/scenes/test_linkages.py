@@ -12,9 +12,9 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.mechanism.observables import kinetic_energy
-from jaxcrusher.scenes.described import described, read_scene
 from jaxcrusher.scenes.linkages import linkage, read_linkage
 from jaxcrusher.scenes.parameters import NUMBERS
+from jaxcrusher.scenes.reader import described, read_scene
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = ("slider_crank", "four_bar", "double_toggle")

@@ -11,7 +11,7 @@ import jaxcrusher as jc
 from jaxcrusher.joint.friction import SurfaceSlip
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import NUMBERS
-from jaxcrusher.scenes.scene_file import read_overrides, read_scene_file
+from jaxcrusher.scenes.reader import read_overrides, read_scene_file
 
 SOURCE = '''
 import equinox as eqx

@@ -10,10 +10,9 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.crusher import capacity
 from jaxcrusher.scenes.build import build_machine
-from jaxcrusher.scenes.described import given_by
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, NUMBERS
 from jaxcrusher.scenes.plausibility import borrowed, remarks
-from jaxcrusher.scenes.scene_file import point_of, read_scene_file, read_text, read_value
+from jaxcrusher.scenes.reader import given_by, point_of, read_scene_file, read_text, read_value
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # A unit that is not the SI unit, and its size.

@@ -22,9 +22,9 @@ from jaxcrusher import __main__
 from jaxcrusher.commands.crushers import read_crusher
 from jaxcrusher.commands.options import Crusher
 from jaxcrusher.files.program import parse
-from jaxcrusher.scenes.described import described
+from jaxcrusher.scenes.reader import described
 from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS
-from jaxcrusher.scenes.scene_file import key_of
+from jaxcrusher.scenes.reader import key_of
 from optimize.run import search
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
