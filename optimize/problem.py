@@ -94,9 +94,9 @@ def resolve(options: Options) -> Problem:
             case.capacity_floor,
         )
     speeds = None
-    for name, ends in free.items():
-        for end in ends if name not in CounterweightMoment.inputs else ():
-            machine.replace(**{name: end}).unusual()
+    for number, ends in free.items():
+        for end in ends if number not in CounterweightMoment.inputs else ():
+            machine.replace(**{number: end}).unusual()
     if chamber is not None:
         speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(case.capacity_floor))
     texts = (*options.overrides, *((name, high) for name, _, high in ranges(options)))

@@ -70,7 +70,7 @@ def _sweep(sides: tuple[int, int], engine: Any) -> xr.Dataset:
         np.linspace(*span, count) for span, count in zip((SPEEDS, CLEARANCES), sides, strict=True)
     )
     axes = {"speed": speeds, "clearance": clearances}
-    return jc.sweep(axes, SETTLE, TURNS, rtol=RTOL, engine=engine)
+    return jc.sweep(jc.paper_machine(), axes, SETTLE, TURNS, rtol=RTOL, engine=engine)
 
 
 def _measured(cupy: Any, sides: tuple[int, int]) -> Row:

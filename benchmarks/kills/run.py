@@ -23,7 +23,7 @@ from jaxcrusher.files.program import program
 def run(folder: str) -> None:
     import jaxcrusher as jc
     axes = {"speed": [27.0, 30.0, 33.0], "clearance": [4e-5, 5e-5, 6e-5]}
-    jc.orbit_map(axes, nodes=96, store=folder + "/map")
+    jc.orbit_map(jc.paper_machine(), axes, nodes=96, store=folder + "/map")
 def main(folder: str) -> None:
     run(folder)
 program(main)

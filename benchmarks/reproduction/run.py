@@ -36,6 +36,7 @@ def run(out: Path) -> None:
         for figure, variable, largest, count in BOXES:
             cells = bars.add_task(f"Figure {figure}", total=count * len(SPEEDS))
             box = jc.sweep(
+                jc.paper_machine(),
                 {"speed": SPEEDS, "clearance": np.linspace(0.03e-3, largest, count)},
                 20,
                 12,
@@ -44,10 +45,11 @@ def run(out: Path) -> None:
                 progress=lambda finished, _, task=cells: bars.update(task, completed=finished),
             )
             settled = jc.orbit_map(
+                jc.paper_machine(),
                 {
                     "speed": np.linspace(25, 40, 61),
                     "clearance": np.linspace(0.03e-3, largest, 2 * count - 1),
-                }
+                },
             )
             figures.draw_landscape(
                 out / f"fig{figure}.png", box[variable], settled[variable].where(settled.stable)

@@ -21,6 +21,7 @@ from benchmarks.stability.judgement import AGREES, DISAGREES, OUTSIDE, REFUSED
 from jaxcrusher.files.results import results_folder, write_table
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.scenes.described import read_machine
 from jaxcrusher.scenes.parameters import complete
 
 FINE = 1e-12
@@ -145,12 +146,11 @@ def run_answers(out: Path, seed: int, count: int) -> None:
     folder, rows = results_folder(out), []
     kinds = [kind for kind in KINDS if kind.choices.get("formulation") != "multiplier"]
     makes: dict[str, Callable[[], AbstractScene]] = {
-        path.stem: lambda path=path: jc.read_scene(path)
-        for path in sorted(Path("examples").glob("*.toml"))
+        path.stem: read_machine(path).scene for path in sorted(Path("examples").glob("*.toml"))
     }
-    makes["pe900x1200 without load"] = lambda: (
-        jc.read_machine("examples/pe900x1200.toml", [("load", "0 N")]).scene()
-    )
+    makes["pe900x1200 without load"] = read_machine(
+        Path("examples/pe900x1200.toml"), [("load", "0 N")]
+    ).scene
     for kind in kinds:
         for i in range(count // len(kinds)):
             key = f"{seed} {kind.name} {i}"

@@ -18,13 +18,12 @@ def run_linkage_orbits(out: Path, seed: int, count: int) -> None:
 
     def drawn(family: Family, i: int) -> Drawn:
         found = mechanism(family, f"{seed} {i}")
-        slow = {"speed": SLOW * found.values["speed"]} if i % 2 else {}
-        return replace(found, values=found.values | slow)
+        slow = {"speed": SLOW * found.machine.number("speed")} if i % 2 else {}
+        return replace(found, machine=found.machine.replace(**slow))
 
     def row(family: Family, i: int) -> Row:
         def make() -> AbstractScene:
-            found = drawn(family, i)
-            return found.drawing(**found.values)
+            return drawn(family, i).machine.scene()
 
         def round_it(orbit: PeriodicOrbit) -> tuple[float, float]:
             return by_free_bodies(orbit, drawn(family, i).peer({}))

@@ -23,7 +23,9 @@ from jaxcrusher.batch.engines import stack
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
-from jaxcrusher.scenes.linkages import Drawing
+from jaxcrusher.scenes.linkages import Drawing, drawn
+from jaxcrusher.scenes.machine import Machine
+from jaxcrusher.scenes.scene_file import flattened
 
 SPAN = 0.03  # s
 TIMES = np.linspace(0, SPAN, drawn_run.INSTANTS)
@@ -64,17 +66,17 @@ FAMILIES = (
 
 @dataclass(frozen=True)
 class Drawn:
-    """A mechanism as a description, and the angles of its bodies at the crank's angle 0."""
+    """A mechanism, and the angles of its bodies at the crank's angle 0."""
 
-    drawing: Drawing
-    values: dict[str, Any]
+    machine: Machine
     angles: np.ndarray
 
     def peer(self, e: dict[str, complex]) -> AnyLinkage:
         """Return its motion by free bodies from e (m)."""
-        d = self.drawing
+        d, values = self.machine.structure, self.machine.values
+        assert isinstance(d, Drawing)
         pushed = tuple((name, body, False) for name, body, _ in d.forces)
-        return AnyLinkage(self.values, d.bodies, d.joints, d.slides, pushed, self.angles, e)
+        return AnyLinkage(values, d.bodies, d.joints, d.slides, pushed, self.angles, e)
 
 
 def mechanism(family: Family, seed: str) -> Drawn:
@@ -180,10 +182,9 @@ def mechanism(family: Family, seed: str) -> Drawn:
             "vertical_damping": block * chance.uniform(0, 100),
         }
     of["assembly"] = {"coupler": side}
-    read = jc.linkage_machine(**of)
-    assert isinstance(read.structure, Drawing)
-    angles = np.array([cmath.phase(axes[body][1]) for body in read.structure.bodies])
-    return Drawn(read.structure, read.values, angles)
+    read = drawn(flattened(of), lambda _, value: float(value))
+    angles = np.array([cmath.phase(axes[body][1]) for body in of["bodies"]])
+    return Drawn(read, angles)
 
 
 def by_peer(one: Drawn, e: dict[str, complex], rtol: float) -> Trajectory:
@@ -209,7 +210,7 @@ def compared(family: Family, seed: int, count: int) -> Iterator[drawn_run.Row]:
             yield drawn_run.Row(family.name, i, REFUSED, remark=str(error))
     known = {}
     for i, one in list(made.items()):
-        size = {joint: one.values[f"joints.{joint}.clearance"] for joint in family.loose}
+        size = {joint: one.machine.number(f"joints.{joint}.clearance") for joint in family.loose}
         moved = [
             {joint: way * drawn_run.OFFSET * c for joint, c in size.items()} for way in (1, 1j)
         ]
@@ -221,9 +222,7 @@ def compared(family: Family, seed: int, count: int) -> Iterator[drawn_run.Row]:
             yield drawn_run.Row(family.name, i, drawn_run.UNKNOWN, remark=str(error))
     names = tuple(next(iter(known.values()))[0].values)
     for formulation in ("eccentricity", "multiplier"):
-        group = [
-            one.drawing(**(one.values | {"formulation": formulation})) for one in made.values()
-        ]
+        group = [one.machine.scene(formulation=formulation) for one in made.values()]
         how = eqx.Partial(motion, names=names)
         ours = jc.map_all(eqx.Partial(how, rtol=drawn_run.RTOL), stack(group))
         for place, i in enumerate(made):

@@ -41,7 +41,8 @@ def main(out: Path = Path("results/pictures")) -> None:
     animate(scene, motion, folder / "turn.gif", dpi=88)
 
     axes = {"speed": np.linspace(25, 40, 12), "clearance": np.linspace(0.03e-3, 0.12e-3, 7)}
-    grid = jc.sweep(axes, 15, 10, base={"slip": "surface", "friction": 0.05}, rtol=1e-6)
+    machine = jc.paper_machine(slip="surface", friction=0.05)
+    grid = jc.sweep(machine, axes, 15, 10, rtol=1e-6)
     fig, ax = plt.subplots(figsize=(WIDTH, 4.0), layout="constrained")
     plots.plot_sweep(grid, ax=ax)
     write_figure(folder / "whirls.png", fig)

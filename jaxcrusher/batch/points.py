@@ -159,7 +159,7 @@ def make_grid(machine: Machine, axes: Mapping[str, Any]) -> Grid:
     Raises ValueError for unknown names, and for values that no scene can be built from. The names
     that a function of one's own takes are known to it only.
     """
-    good = isinstance(axes, Mapping) and len(axes) > 0
+    good = isinstance(axes, Mapping) and len(axes) > 0 and all(isinstance(n, str) for n in axes)
     require(good, "axes", 'map names to values, as {"speed": [30.0, 32.0]}', repr(axes))
     structure, varied = machine.structure, {n: _axis(n, values) for n, values in axes.items()}
     given = {name: value for name, value in machine.given.items() if name not in varied}
@@ -195,7 +195,7 @@ def _fixed(name: str, value: Any) -> float | str | tuple:
 
 def _axis(name: str, values: Any) -> tuple:
     called, array = f"axes[{name!r}]", np.asarray(values, object)
-    if not any(isinstance(one, str | Path) for one in array.flat):
+    if not all(isinstance(one, str | Path) for one in array.flat):
         array = _numbers(called, values, 1)
     good = array.ndim == 1 and array.size > 0
     require(good, called, "have shape (n,), n > 0", f"of shape {array.shape}")

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -125,12 +126,13 @@ def _crushing(values: Mapping[str, Any]) -> str:
     )
 
 
-def paper_machine(**values: Value) -> Machine:
+def paper_machine(**values: Value | Path) -> Machine:
     """Return the paper's crusher as a machine, for sweeps, maps, identification and the search.
 
     `values` are names of `jaxcrusher.PE250X400` and others of `jaxcrusher.build_scene` that are not
     the paper's, as `start="contact"`; names with a dot go by `**{"jaw.mass": 600.0}`. Raises
     ValueError in one line as `build_scene` does.
     """
-    check_described(values)
-    return Machine(Crusher(), values)
+    described = {name: str(one) if isinstance(one, Path) else one for name, one in values.items()}
+    check_described(described)
+    return Machine(Crusher(), described)

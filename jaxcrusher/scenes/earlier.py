@@ -6,62 +6,70 @@ Each works for one version more, and says once in a process what to write instea
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar, cast
 
+from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.setup import warn_once
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.scenes.crusher import paper_machine
-from jaxcrusher.scenes.machine import Machine, OwnFunction
+from jaxcrusher.scenes.machine import Machine, OwnFunction, machine_of
+
+# A public function, whose types stay those of its new form.
+Verb = TypeVar("Verb", bound=Callable[..., Any])
 
 
 def _say(verb: Callable[..., Any], instead: str) -> None:
     name = getattr(verb, "__name__", "")
-    text = f"jaxcrusher.{name} takes a machine first: write {name}({instead})."
+    text = f"jaxcrusher.{name} takes a machine first: write {name}({instead}, ...)."
     warn_once(text, text)
 
 
-def axes_first(verb: Callable[..., Any]) -> Callable[..., Any]:
+def axes_first(verb: Verb) -> Verb:
     """Let a call begin with the axes; `base` and `scene` say of what."""
 
     @functools.wraps(verb)
-    def called(*args: Any, base: Any = None, scene: Any = None, **settings: Any) -> Any:
-        if args and not isinstance(args[0], Mapping) and base is None and scene is None:
+    def called(*args: Any, **settings: Any) -> Any:
+        new = not isinstance(args[0], Mapping) if args else "axes" not in settings
+        if new or "machine" in settings:
             return verb(*args, **settings)
-        if not args and "machine" in settings:
-            return verb(**settings)
-        instead = "jaxcrusher.paper_machine(**base), axes, ..." if scene is None else "scene, axes"
-        _say(verb, instead)
-        known = {} if base is None else dict(base)
-        made = paper_machine(**known) if scene is None else Machine(OwnFunction(scene), known)
-        return verb(made, *args, **settings)
+        base, scene = settings.pop("base", None), settings.pop("scene", None)
+        base = {} if base is None else base
+        good, given = isinstance(base, Mapping), f"a {type(base).__name__}"
+        require(good, "base", 'map names to values, as {"start": "contact"}', given)
+        made = "jaxcrusher.paper_machine({})" if scene is None else "scene"
+        if scene is not None and base:
+            made = "functools.partial(scene, {})"
+        _say(verb, f"{made.format('**base' if base else '')}, axes")
+        machine = paper_machine() if scene is None else machine_of(scene)
+        return verb(machine.replace(**base), *args, **settings)
 
-    return called
+    return cast(Verb, called)
 
 
-def of_description(verb: Callable[..., Any]) -> Callable[..., Any]:
+def of_description(verb: Verb) -> Verb:
     """Let a description of a crusher, as of `jaxcrusher.build_scene`, stand for its machine."""
 
     @functools.wraps(verb)
     def called(machine: Any, *args: Any, **settings: Any) -> Any:
         if isinstance(machine, Mapping):
-            _say(verb, "jaxcrusher.paper_machine(**description), ...")
+            _say(verb, "jaxcrusher.paper_machine(**machine)")
             machine = paper_machine(**machine)
         return verb(machine, *args, **settings)
 
-    return called
+    return cast(Verb, called)
 
 
-def orbit_first(verb: Callable[..., Any]) -> Callable[..., Any]:
+def orbit_first(verb: Verb) -> Verb:
     """Let an orbit stand before its machine."""
 
     @functools.wraps(verb)
     def called(machine: Any, orbit: Any, *args: Any, **settings: Any) -> Any:
-        if not isinstance(machine, Machine) and not callable(machine):
-            _say(verb, "machine, orbit, ...")
+        if isinstance(orbit, Machine | Mapping) or callable(orbit):
+            _say(verb, "machine, orbit")
             machine, orbit = orbit, machine
         return verb(machine, orbit, *args, **settings)
 
-    return called
+    return cast(Verb, called)
 
 
 @dataclass(frozen=True)
@@ -75,27 +83,27 @@ class ByPlace:
         return self.function(*numbers.values())
 
 
-def unnamed(*names: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+def unnamed(*names: str) -> Callable[[Verb], Verb]:
     """Let a call have a function of numbers without names in the place of a machine and names."""
 
-    def wrapped(verb: Callable[..., Any]) -> Callable[..., Any]:
+    def wrapped(verb: Verb) -> Verb:
         @functools.wraps(verb)
-        def called(first: Any, *args: Any, **settings: Any) -> Any:
-            if isinstance(first, Machine) or _are_names(args) or ("name" in settings and not args):
-                return verb(first, *args, **settings)
+        def called(machine: Any, *args: Any, **settings: Any) -> Any:
+            if isinstance(machine, Machine) or _are_names(args, settings):
+                return verb(machine, *args, **settings)
+            machine_of(machine)  # refuses what is none
             of = settings.pop("name", None)
             known = names if of is None else (of,)
-            said = repr(known[0]) if len(known) == 1 else repr(known)
-            _say(verb, f"machine, {said}, ...")
-            made = Machine(OwnFunction(ByPlace(first)))
-            return verb(made, known[0] if len(known) == 1 else known, *args, **settings)
+            said = known[0] if len(known) == 1 else known
+            _say(verb, f"machine, {said!r}")
+            return verb(Machine(OwnFunction(ByPlace(machine))), said, *args, **settings)
 
-        return called
+        return cast(Verb, called)
 
     return wrapped
 
 
-def _are_names(args: tuple[Any, ...]) -> bool:
-    """Whether the first argument is a name, or several."""
-    first = args[0] if args else None
-    return isinstance(first, str) or (isinstance(first, tuple) and isinstance(first[0], str))
+def _are_names(args: tuple[Any, ...], settings: Mapping[str, Any]) -> bool:
+    """Return whether a name follows on a machine, or several."""
+    first = args[0] if args else settings.get("name", settings.get("names"))
+    return all(isinstance(one, str) for one in (first if isinstance(first, tuple) else (first,)))

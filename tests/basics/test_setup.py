@@ -223,12 +223,14 @@ COMPUTATIONS = {
     "coexisting": lambda scene, _: jc.coexisting_orbits(scene),
     "stiffness": lambda scene, _: bearing_stiffness(scene, 1e4),
     "chamber": lambda *_: build_chamber({"jaw.length": 0.7}),
-    "sweep": lambda *_: jc.sweep({"speed": [25.0, 30.0]}, 0, 1),
+    "sweep": lambda *_: jc.sweep(jc.paper_machine(), {"speed": [25.0, 30.0]}, 0, 1),
     "map": lambda scene, _: list(jc.map_chunks(abs, np.ones(3))),
-    "orbit map": lambda *_: jc.orbit_map({"speed": [25.0, 30.0]}),
-    "basin map": lambda *_: jc.basin_map({"speed": [25.0, 30.0]}),
-    "branch": lambda *_: jc.orbit_branch(jc.ideal_scene, 30.0, (25.0, 35.0)),
-    "bifurcation": lambda *_: jc.bifurcation(jc.ideal_scene, [25.0], settle_turns=0, turns=1),
+    "orbit map": lambda *_: jc.orbit_map(jc.paper_machine(), {"speed": [25.0, 30.0]}),
+    "basin map": lambda *_: jc.basin_map(jc.paper_machine(), {"speed": [25.0, 30.0]}),
+    "branch": lambda *_: jc.orbit_branch(jc.ideal_scene, "speed", 30.0, (25.0, 35.0)),
+    "bifurcation": lambda *_: jc.bifurcation(
+        jc.ideal_scene, "speed", [25.0], settle_turns=0, turns=1
+    ),
     "gradient": lambda *_: jc.gradient_report(jc.paper_scene, "foundation_rms", SCENE),
 }
 # Those that loop over time or over designs.

@@ -92,27 +92,27 @@ def test_what_lanes_do_not_know_is_told(monkeypatch):
 
 
 AXES = {"speed": [28.0, 30.0], "clearance": [4e-5, 5e-5, 6e-5]}
-IDEAL = {"base": {"joint": "ideal"}, "rtol": 1e-6}
+ASKED = jc.paper_machine(joint="ideal"), AXES, 0, 1
 
 
 @pytest.mark.slow
 def test_a_sweep_says_which_engine_made_it_and_goes_on_with_it(tmp_path, monkeypatch):
     store = tmp_path / "grid"
-    assert jc.sweep(AXES, 0, 1, **IDEAL, store=store).attrs["engine"] == "lanes"
+    assert jc.sweep(*ASKED, rtol=1e-6, store=store).attrs["engine"] == "lanes"
     # A card is there, and three designs are many.
     monkeypatch.setattr(engines, "finds_card", lambda: True)
     monkeypatch.setattr(engines, "ENOUGH", 6)
     monkeypatch.setitem(engines.ENGINES, "gpu", engines.in_turn)
-    assert jc.sweep(AXES, 0, 1, **IDEAL).attrs["engine"] == "gpu"
+    assert jc.sweep(*ASKED, rtol=1e-6).attrs["engine"] == "gpu"
     # Of which each choice is a program, and a chunk, of its own.
     choices = {"joint": ["ideal", "clearance"], "speed": [28.0, 29.0, 30.0]}
-    assert jc.sweep(choices, 0, 1, rtol=1e-6).attrs["engine"] == "lanes"
+    assert jc.sweep(jc.paper_machine(), choices, 0, 1, rtol=1e-6).attrs["engine"] == "lanes"
     one_line = (
         r"^Argument `engine` must be 'lanes' for the store \S+, which .* but is 'gpu' here\.$"
     )
     with pytest.raises(ValueError, match=one_line):
-        jc.sweep(AXES, 0, 1, **IDEAL, store=store)
-    assert jc.sweep(AXES, 0, 1, **IDEAL, store=store, engine="lanes").attrs["engine"] == "lanes"
+        jc.sweep(*ASKED, rtol=1e-6, store=store)
+    assert jc.sweep(*ASKED, rtol=1e-6, store=store, engine="lanes").attrs["engine"] == "lanes"
 
 
 class NoCard(Exception):

@@ -10,7 +10,6 @@ import jaxcrusher as jc
 from benchmarks.peers import scipy_peer
 from benchmarks.peers.any_linkage import AnyLinkage
 from benchmarks.stability.mechanisms import FAMILIES, mechanism
-from jaxcrusher.scenes.linkages import read_linkage
 
 FILE = Path(__file__).parents[2] / "examples" / "four_bar.toml"
 # The peer's contact law has its speeds of friction fixed at these.
@@ -25,12 +24,12 @@ ABOUT = np.array([0.0, 1.0, 1.8])
 @pytest.mark.parametrize("formulation", ["eccentricity", "multiplier"])
 def test_impacts_of_a_four_bar_by_free_bodies(formulation):
     """Some ten impacts in 30 ms, pointwise."""
-    drawing, values, _ = read_linkage(FILE)
-    values = values | CHANGED | {"formulation": formulation}
-    bodies = AnyLinkage(values, drawing.bodies, drawing.joints, (), (), ABOUT, {})
+    machine = jc.read_machine(FILE).replace(**CHANGED, formulation=formulation)
+    drawing = machine.structure
+    bodies = AnyLinkage(machine.values, drawing.bodies, drawing.joints, (), (), ABOUT, {})
     hand = bodies.observe(TIMES, scipy_peer.integrate(bodies, TIMES, rtol=1e-13))
     force = hand["B_normal_force"]
-    motion = jc.simulate(drawing(**values), TIMES, outputs=tuple(hand), rtol=1e-12)
+    motion = jc.simulate(machine.scene(), TIMES, outputs=tuple(hand), rtol=1e-12)
     assert bool(motion.success), motion.failure
     assert np.sum(np.diff((force > 0).astype(int)) > 0) >= 5
     # Corners of contact and friction are sharp by hand, and rounding of 1e-16 m of 0.3 m is 1e-12

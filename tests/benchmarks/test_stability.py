@@ -159,13 +159,15 @@ def test_a_drawn_motion_is_compared_while_neighbours_stay_together():
     ids=lambda family: family.name,
 )
 def test_drawn_mechanisms_go_round_and_are_told_apart(family):
-    one, again, other = (mechanisms.mechanism(family, seed) for seed in ("1 0", "1 0", "1 1"))
-    assert one.values == again.values and one.drawing == other.drawing
+    one, again, other = (
+        mechanisms.mechanism(family, seed).machine for seed in ("1 0", "1 0", "1 1")
+    )
+    assert one.values == again.values and one.structure == other.structure
     assert {name for name in one.values if one.values[name] == other.values.get(name)} <= {
         "start",
         *(name for name in one.values if name.endswith(("_law", "slip", "_speed"))),
     }
-    scene = one.drawing(**one.values)
+    scene = one.scene()
     assert scene.joints.names == tuple(family.loose)
     assert (scene.supports is not None) == family.supports
 

@@ -61,7 +61,7 @@ def test_quiet_branch():
     """Started in contact the RMS is the ideal joint's within 0.3 %, and rises with speed."""
     speeds, clearances = [25.0, 30.0, 35.0], [0.03e-3, 0.06e-3, 0.12e-3]
     axes = {"speed": speeds, "clearance": clearances}
-    grid = jc.sweep(axes, 2, 4, base={"start": "contact"}, rtol=1e-8)
+    grid = jc.sweep(jc.paper_machine(start="contact"), axes, 2, 4, rtol=1e-8)
     ideal = [
         float(jc.statistics(jc.ideal_scene(w), 0, 1, outputs=("foundation_rms",)).foundation_rms)
         for w in speeds

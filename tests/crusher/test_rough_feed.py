@@ -147,8 +147,9 @@ def test_a_seed_is_a_whole_number():
         jc.build_scene(ROUGH | {"load_seed": 1.5})
     base = {name: value for name, value in ROUGH.items() if name != "load_seed"}
     for name in ("load_seed", "fluctuation_order"):
-        of = base | ({"speed_fluctuation": 0.02} if name == "fluctuation_order" else {})
+        uneven = {"speed_fluctuation": 0.02} if name == "fluctuation_order" else {}
+        machine = jc.paper_machine(**base, **uneven)
         with pytest.raises(ValueError, match=rf"`{name}` must be a whole number, but is \[1"):
-            jc.sweep({name: [1.0, 1.5, 2.0]}, 0, 1, base=of)
+            jc.sweep(machine, {name: [1.0, 1.5, 2.0]}, 0, 1)
     traced = jax.jit(lambda seed: jc.build_scene(ROUGH | {"load_seed": seed}).load.phases)
     assert np.isnan(traced(1.5)).all() and np.isfinite(traced(2.0)).all()

@@ -92,7 +92,7 @@ def with_machine(scene, machine):
 
 long_jaw = Jaw(524.0, 128.48, 0.352, Vector(0, 0))
 
-SCENE = jc.paper_scene(30.0, 6e-5)
+SCENE, PAPER = jc.paper_scene(30.0, 6e-5), jc.paper_machine()
 BAD = [
     (lambda: jc.paper_scene(30.0, 0.0), "clearance", "0.0", "> 0 m"),
     (lambda: jc.paper_scene(30.0, -1e-5), "clearance", "-1e-05", "> 0 m"),
@@ -180,7 +180,7 @@ BAD = [
     (lambda: jc.simulate({"speed": 30.0}, [1.0]), "scene", "a dict", "paper_scene(30.0, 6e-5)"),
     (
         lambda: jc.gradient_report(jc.paper_scene(30.0, 6e-5), "foundation_rms", {"speed": 30.0}),
-        "scene",
+        "machine",
         "a Scene",
         "a function that makes a scene",
     ),
@@ -196,16 +196,20 @@ BAD = [
     ),
     (lambda: jc.build_scene({"sped": 30.0}), "sped", "not (is 'speed' meant?)", "known name"),
     (lambda: jc.paper_scene(30.0, 6e-5, frction=0.1), "frction", "is 'friction'", "known name"),
-    (lambda: jc.orbit_map({"speed": [30.0]}, base={"strt": "contact"}), "strt", "'start'", "known"),
+    (lambda: jc.paper_machine(strt="contact"), "strt", "'start'", "known"),
     # Of another kind than is meant.
-    (lambda: jc.sweep({"speed": [30.0]}, 0, 1, base=SCENE), "base", "a Scene", "map names"),
+    (lambda: jc.sweep(SCENE, {"speed": [30.0]}, 0, 1), "machine", "a Scene", "paper_machine()"),
+    (lambda: jc.orbit_map(None, {"speed": [30.0]}), "machine", "a NoneType", "be a machine"),
+    (lambda: jc.basin_map({"speed": [30.0]}, base=SCENE), "base", "a Scene", "map names"),
+    (lambda: jc.sweep({"speed": [30.0]}, 0, 1, scene=SCENE), "machine", "a Scene", "a function"),
+    (lambda: jc.identify(SCENE, [], ["speed"]), "machine", "a Scene", "be a machine"),
     (lambda: jc.periodic_orbit((30.0, 6e-5)), "scene", "a tuple", "paper_scene(30.0, 6e-5)"),
     (lambda: jc.regime(30.0), "scene", "a float", "paper_scene(30.0, 6e-5)"),
     (lambda: jc.coexisting_orbits(jc.paper_scene), "scene", "paper_scene: call it", "instance"),
-    (lambda: jc.orbit_branch(SCENE, 6e-5, (1e-5, 1e-4)), "scene", "a Scene", "a function"),
+    (lambda: jc.orbit_branch(SCENE, 6e-5, (1e-5, 1e-4)), "machine", "a Scene", "a function"),
     (
-        lambda: jc.bifurcation(SCENE, [1.0], settle_turns=0, turns=20),
-        "scene",
+        lambda: jc.bifurcation(SCENE, "speed", [1.0], settle_turns=0, turns=20),
+        "machine",
         "a Scene",
         "a function that makes a scene",
     ),
@@ -218,7 +222,7 @@ BAD = [
     (lambda: jc.statistics(SCENE, 0, 1, rtol="1e-9"), "rtol", "'1e-9'", "a number"),
     (lambda: jc.statistics(SCENE, 0, 1, rtol=-1e-9), "rtol", "-1e-09", "> 0"),
     (lambda: jc.simulate(SCENE, [1e-3], rtol=1e9), "rtol", "1000000000.0", "< 1"),
-    (lambda: jc.sweep({"speed": [30.0]}, 0, 1, rtol=2), "rtol", "2", "< 1"),
+    (lambda: jc.sweep(PAPER, {"speed": [30.0]}, 0, 1, rtol=2), "rtol", "2", "< 1"),
     (lambda: jc.Method(dt0="1e-6"), "dt0", "'1e-6'", "a number"),
     (lambda: jc.periodic_orbit(SCENE, guess=jnp.zeros(3)), "guess", "shape (3,)", "(n, 2)"),
     (lambda: jc.periodic_orbit(SCENE, guess="rest"), "guess", "'rest'", "a PeriodicOrbit, or"),
@@ -244,14 +248,12 @@ TRACED = {
         lambda c: jc.regime(jc.paper_scene(30.0, c)).zero_one,
         lambda c: jc.coexisting_orbits(jc.paper_scene(30.0, c)).shares[0],
     ),
-    "start": (lambda c: jc.orbit_branch(jc.paper_scene, c, (1e-5, 1e-4)),),
+    "start": (lambda c: jc.orbit_branch(PAPER, "clearance", c, (1e-5, 1e-4)),),
     "values": (
-        lambda c: jc.bifurcation(lambda _: SCENE, [c], settle_turns=0, turns=20),
-        lambda c: jc.bifurcation(lambda _: SCENE, c[None], settle_turns=0, turns=20),
+        lambda c: jc.bifurcation(PAPER, "clearance", [c], settle_turns=0, turns=20),
+        lambda c: jc.bifurcation(PAPER, "clearance", c[None], settle_turns=0, turns=20),
     ),
-    "parameters": (
-        lambda c: jc.gradient_report(jc.paper_scene, "foundation_rms", {"clearance": c}),
-    ),
+    "parameters": (lambda c: jc.gradient_report(PAPER, "foundation_rms", {"clearance": c}),),
 }
 
 

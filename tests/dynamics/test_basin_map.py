@@ -36,6 +36,7 @@ def test_two_designs_side_by_side(monkeypatch):
 
     monkeypatch.setattr("jaxcrusher.dynamics.coexisting_orbits.coexisting_orbits", looks)
     found = jc.basin_map(
+        jc.paper_machine(),
         {"speed": [30.0, 40.0], "clearance": [0.12e-3]},
         starts=8,
         turns=400,
@@ -75,7 +76,7 @@ def test_states_with_a_memory_and_a_linkage_that_is_no_crusher(kind, monkeypatch
     monkeypatch.setattr(
         "jaxcrusher.dynamics.coexisting_orbits.coexisting_orbits", lambda *_, **__: found
     )
-    mapped = jc.basin_map({"of": [1.0]}, scene=lambda of: scene, starts=2)
+    mapped = jc.basin_map(lambda of: scene, {"of": [1.0]}, starts=2)
     np.testing.assert_array_equal(mapped.start_state[0], starts)
     assert float(mapped.worst_rms[0]) == float(orbit[scene.leading])
 
@@ -84,7 +85,7 @@ def test_a_stored_map_that_was_stopped_goes_on(tmp_path, monkeypatch):
     """What is finished is not looked at again, and the table is that of a map in memory."""
     # So close to the quiet orbit that no other has to be searched for, which takes a minute.
     how = {"starts": 4, "turns": 100, "spread": 0.02}
-    how["base"] = {"clearance": 0.06e-3, "start": "contact"}
+    asked = jc.paper_machine(clearance=0.06e-3, start="contact"), {"speed": [27.0, 30.0]}
     whole, looked = coexisting_orbits, []
 
     def looks(scene, **given):
@@ -98,25 +99,25 @@ def test_a_stored_map_that_was_stopped_goes_on(tmp_path, monkeypatch):
 
     monkeypatch.setattr("jaxcrusher.dynamics.coexisting_orbits.coexisting_orbits", looks)
     with pytest.raises(KeyboardInterrupt):
-        jc.basin_map({"speed": [27.0, 30.0]}, store=tmp_path / "map", **how)
-    stored = jc.basin_map({"speed": [27.0, 30.0]}, store=tmp_path / "map", **how).load()
+        jc.basin_map(*asked, store=tmp_path / "map", **how)
+    stored = jc.basin_map(*asked, store=tmp_path / "map", **how).load()
     assert len(looked) == 3  # one, the interruption, and the other one
-    in_memory = jc.basin_map({"speed": [27.0, 30.0]}, **how)
+    in_memory = jc.basin_map(*asked, **how)
     assert np.unique(stored.label).tolist() == [-1, 0]
     xr.testing.assert_equal(stored, in_memory)
     with pytest.raises(ValueError, match="seed"):
-        jc.basin_map({"speed": [27.0, 30.0]}, store=tmp_path / "map", seed=1, **how)
+        jc.basin_map(*asked, store=tmp_path / "map", seed=1, **how)
 
 
 @pytest.mark.parametrize("asked", [{"starts": -3}, {"spread": 0.0}, {"turns": 95}, {"seed": -1}])
 def test_what_is_out_of_range_is_refused_before_a_store_is_made(asked, tmp_path):
     (name,) = asked
     with pytest.raises(ValueError, match=f"^Argument `{name}` must be "):
-        jc.basin_map({"speed": [27.0]}, store=tmp_path / "map", **asked)
+        jc.basin_map(jc.paper_machine(), {"speed": [27.0]}, store=tmp_path / "map", **asked)
     assert not (tmp_path / "map").exists()
 
 
 def test_an_axis_is_named_like_no_dimension_of_the_results():
     """The starts of the axis would be taken for the random ones, where these are two as well."""
     with pytest.raises(ValueError, match=r"`axes` must name none of the results' own .* is start"):
-        jc.basin_map({"start": ["contact", "centred"]}, starts=2)
+        jc.basin_map(jc.paper_machine(), {"start": ["contact", "centred"]}, starts=2)

@@ -38,7 +38,7 @@ def points(diagram, speed):
 @pytest.mark.usefixtures("unchecked")
 def test_directions_agree_on_a_quiet_range_and_hand_the_state_on():
     up, down, cold = (
-        bifurcation(scene, SPEEDS, direction=one, name="speed", units="rad/s", **COUNTS)
+        bifurcation(scene, "speed", SPEEDS, direction=one, **COUNTS)
         for one in ("up", "down", "cold")
     )
     assert up.sizes == {"value": 3, "turn": 20} and up.value.units == "rad/s"
@@ -55,7 +55,7 @@ def test_directions_agree_on_a_quiet_range_and_hand_the_state_on():
     assert np.abs(points(up, 34.95)[0] - points(cold, 34.95)[0]).max() > 1e-9
 
     # A failure is no point, and the next value starts afresh.
-    found = bifurcation(broken, SPEEDS, **COUNTS)
+    found = bifurcation(broken, "speed", SPEEDS, **COUNTS)
     assert list(found.success.values) == [True, False, True]
     assert np.isnan(points(found, 34.95)).all() and not found.settled.sel(value=34.95)
     start = initial_state(scene(35.0))
@@ -79,8 +79,8 @@ def test_a_whirl_is_no_point():
 
 def test_bad_arguments():
     with pytest.raises(ValueError, match=r"^Argument `values` must have shape \(n,\), n > 0, and"):
-        bifurcation(scene, [35.0, 34.0], settle_turns=1, turns=20)
+        bifurcation(scene, "speed", [35.0, 34.0], settle_turns=1, turns=20)
     with pytest.raises(ValueError, match=r"^Argument `turns` must be a whole number >= 20"):
-        bifurcation(scene, [35.0], settle_turns=1, turns=5)
-    with pytest.raises(ValueError, match=r"^Argument `scene` must make scenes with clearance"):
-        bifurcation(jc.ideal_scene, [35.0], settle_turns=1, turns=20)
+        bifurcation(scene, "speed", [35.0], settle_turns=1, turns=5)
+    with pytest.raises(ValueError, match=r"^Argument `machine` must have clearance, and the ecc"):
+        bifurcation(jc.ideal_scene, "speed", [35.0], settle_turns=1, turns=20)

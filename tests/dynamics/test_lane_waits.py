@@ -76,7 +76,7 @@ def test_motions_are_named():
 def test_a_map_names_a_motion_round_an_unstable_orbit():
     """A pair of multipliers has left the unit circle: the motion turns round the orbit."""
     axes = {"speed": [40.0], "clearance": [0.075e-3, 0.0975e-3]}
-    found = jc.orbit_map(axes, nodes=384).isel(speed=0)
+    found = jc.orbit_map(jc.paper_machine(), axes, nodes=384).isel(speed=0)
     assert found.success.values.all() and found.stable.values.tolist() == [True, False]
     assert found.motion.values.tolist() == ["", "quasi-periodic"]
     # As a lone call finds them.

@@ -8,14 +8,14 @@ from jaxcrusher.batch.engines import in_turn
 from jaxcrusher.dynamics import many_orbits as orbits
 from jaxcrusher.dynamics.orbit_map import orbit_map
 
-SLOPES = ("speed", "clearance")
+SLOPES, PAPER = ("speed", "clearance"), jc.paper_machine()
 
 
 def test_cells_against_known_orbits():
     """As published for 10 000 turns and for single orbits; slopes as those of `periodic_orbit`."""
     axes = {"speed": [25.0, 27.0, 30.0], "clearance": [0.03e-3, 0.05e-3, 0.06e-3]}
     finished = []
-    found = orbit_map(axes, slopes=SLOPES, progress=lambda *counts: finished.append(counts))
+    found = orbit_map(PAPER, axes, slopes=SLOPES, progress=lambda *counts: finished.append(counts))
     assert found.success.all() and found.stable.all() and (found.failure == "").all()
     diagonal = np.diag(found.foundation_rms)
     np.testing.assert_allclose(diagonal, [18243.41119, 18524.1596, 19102.31571], atol=1e-4)
@@ -34,7 +34,7 @@ def test_cells_against_known_orbits():
 def test_failures_do_not_stop_the_others():
     """At 45 rad/s Newton's method finds nothing: a reason, and no number."""
     axes = {"speed": [27.0, 45.0], "joint": ["clearance", "ideal"]}
-    found = orbit_map(axes, base={"clearance": 0.05e-3}, slopes=SLOPES, nodes=96)
+    found = orbit_map(PAPER.replace(clearance=0.05e-3), axes, slopes=SLOPES, nodes=96)
     assert found.success.values.tolist() == [[True, True], [False, True]]
     lost = found.isel(speed=1, joint=0)
     assert str(lost.failure.values) != "" and not lost.stable
@@ -107,7 +107,7 @@ def test_neighbours_further_away_are_tried_too(monkeypatch):
 def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
     """A map that stops after its first chunk goes on with what the journal holds."""
     axes = {"speed": [27.0, 33.0], "clearance": list(np.linspace(4e-5, 6e-5, 9))}
-    asked = {"axes": axes, "slopes": SLOPES}  # the program of the map above
+    asked = {"machine": PAPER, "axes": axes, "slopes": SLOPES}  # the program of the map above
     whole, solved = orbit_map(**asked), []
 
     class Killed(Exception):
@@ -138,14 +138,15 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
         orbit_map(**asked, store=tmp_path / "map", engine=engine, period=2)
 
 
-def _with_law(speed, gap):
-    return jc.paper_scene(speed, gap * 1e-3)
+def _with_law(gap):
+    return jc.paper_scene(27.0, gap * 1e-3)
 
 
 @pytest.mark.slow
 def test_a_scene_function_of_ones_own():
-    found = orbit_map({"gap": [0.05, 0.06]}, base={"speed": 27.0}, scene=_with_law, slopes=("gap",))
-    same = orbit_map({"clearance": [5e-5, 6e-5]}, base={"speed": 27.0}, slopes=("clearance",))
+    found = orbit_map(_with_law, {"gap": [0.05, 0.06]}, slopes=("gap",))
+    machine = jc.paper_machine(speed=27.0)
+    same = orbit_map(machine, {"clearance": [5e-5, 6e-5]}, slopes=("clearance",))
     np.testing.assert_allclose(found.foundation_rms, same.foundation_rms, rtol=1e-12)
     # Per mm instead of per m.
     np.testing.assert_allclose(found.slope[:, 0], same.slope[:, 0] * 1e-3, rtol=1e-9)
@@ -158,13 +159,16 @@ def test_a_scene_function_of_ones_own():
         ({"metric": "noise"}, "`metric` must be one of"),
         ({"nodes": 95}, "`nodes` must be even"),
         ({"period": 0}, "`period` must be a whole number >= 1"),
-        ({"base": {"impact_law": "tracked"}}, "`scene` must have a constant impact velocity"),
+        (
+            {"machine": jc.paper_machine(impact_law="tracked")},
+            "`scene` must have a constant impact velocity",
+        ),
         ({"axes": {"speed": [-1.0]}}, "`speed` must be finite"),
     ],
 )
 def test_refusals(arguments, message):
     with pytest.raises(ValueError, match=rf"^Argument {message}"):
-        orbit_map(**{"axes": {"speed": [30.0]}, **arguments})
+        orbit_map(**{"machine": PAPER, "axes": {"speed": [30.0]}, **arguments})
 
 
 def test_public_name():
@@ -175,8 +179,9 @@ def test_public_name():
 def test_a_store_keeps_other_programs_of_the_same_numbers_apart(tmp_path):
     """Choices are in the program of a cell and not among its numbers."""
     axes, settings = {"slip": ["centre", "surface"], "speed": [27.0]}, {"nodes": 96}
-    whole = orbit_map(axes, base={"clearance": 5e-5}, **settings)
-    kept = orbit_map(axes, base={"clearance": 5e-5}, **settings, store=tmp_path / "map")
+    machine = jc.paper_machine(clearance=5e-5)
+    whole = orbit_map(machine, axes, **settings)
+    kept = orbit_map(machine, axes, **settings, store=tmp_path / "map")
     centre, surface = whole.foundation_rms.values[:, 0]
     # Friction between the surfaces takes some 400 N off.
     assert centre - surface > 100

@@ -62,7 +62,7 @@ def truth(name, free):
 def test_exact_data_give_back_the_numbers(name):
     machine, exact, free = MACHINES[name]
     rows = noisy(exact, np.random.default_rng(0), 1e-9)
-    found = identify({**machine, **free}, rows, [*free], starts=1, nodes=NODES)
+    found = identify(jc.paper_machine(**machine | free), rows, [*free], starts=1, nodes=NODES)
     # The block's model is linear to 1e-6 of its motion, and links of 1e-9 kg count 1e-7.
     np.testing.assert_allclose([*found.values.values()], truth(name, free), rtol=1e-5)
     assert not found.untold
@@ -114,7 +114,7 @@ def coverage(name, draws):
     inside, within, sums = 0, np.zeros(len(free)), []
     for seed in range(draws):
         data = noisy(exact, np.random.default_rng(seed))
-        found = identify({**machine, **free}, data, names, starts=1, nodes=NODES)
+        found = identify(jc.paper_machine(**machine | free), data, names, starts=1, nodes=NODES)
         off = np.array([*found.values.values()]) - right
         inside += off @ np.linalg.solve(found.covariance, off) <= chi2.ppf(0.95, len(off))
         within += np.abs(off) <= 1.96 * np.sqrt(np.diag(found.covariance))
@@ -129,7 +129,7 @@ def coverage(name, draws):
 def test_errors_that_are_not_linear_are_said(phases):
     """Amplitudes near a resonance bend: of 200 such draws 169 lie in their ellipse of 95 %."""
     rows = noisy(MACHINES["block"][1], np.random.default_rng(1), phases=phases)
-    found = identify({**by_hand.BLOCK, **FREE}, rows, [*FREE], starts=1, nodes=NODES)
+    found = identify(jc.paper_machine(**by_hand.BLOCK | FREE), rows, [*FREE], starts=1, nodes=NODES)
     assert ("The errors are not linear: 2 standard" in str(found)) != phases
 
 

@@ -12,6 +12,7 @@ from jaxcrusher.identification.model import What, _seen
 from jaxcrusher.orbits.result import RESULTS, missing
 from tests.identification import by_hand
 
+MACHINE = jc.paper_machine(**by_hand.CRUSHER)
 SIGMAS = {"jaw.mass": 10.0, "shaft.mass_centre_angle": 0.05, "jaw.inertia": 3.0}
 
 
@@ -28,15 +29,15 @@ def test_harmonics_are_over_all_turns_of_a_period():
     assert float(abs(rms)) == pytest.approx(np.sqrt((1 + 9) / 2), rel=1e-13)
 
 
-def of(values):
-    return jc.periodic_orbit(jc.build_scene(values))
+def of(machine):
+    return jc.periodic_orbit(machine.scene())
 
 
 @pytest.fixture(scope="module")
 def found():
-    orbit, observables = of(by_hand.CRUSHER), ("ground_force", "ground_moment")
+    orbit, observables = of(MACHINE), ("ground_force", "ground_moment")
     outputs = ("shaking_rms",)
-    return jc.propagate(orbit, by_hand.CRUSHER, SIGMAS, outputs=outputs, observables=observables)
+    return jc.propagate(MACHINE, orbit, SIGMAS, outputs=outputs, observables=observables)
 
 
 def test_deviations_and_shares_are_those_of_differences(found):
@@ -91,7 +92,7 @@ def test_what_is_not_linear_is_said():
     least = float(angles[np.argmin(np.abs(sizes))])
     orbit, only = jc.periodic_orbit(function(least)), {"outputs": (), "orders": 1}
     found = jc.propagate(
-        orbit, function, {"shift": (least, 0.3)}, observables=("ground_force",), **only
+        function, orbit, {"shift": (least, 0.3)}, observables=("ground_force",), **only
     ).sel(quantity="ground_force_x, order 1")
     assert not bool(found.linear)
 
@@ -116,7 +117,7 @@ def of_load(factor, names, middle, sigma):
     orbit = jc.periodic_orbit(function(**dict.fromkeys(names, middle)))
     sigmas = dict.fromkeys(names, (middle, sigma))
     only = {"outputs": ("foundation_mean",), "observables": ()}
-    return jc.propagate(orbit, function, sigmas, **only).isel(quantity=0)
+    return jc.propagate(function, orbit, sigmas, **only).isel(quantity=0)
 
 
 def test_products_of_numbers_count():
@@ -157,14 +158,14 @@ def test_on_a_natural_frequency_deviations_come_near_to_the_true_ones():
 @pytest.mark.optimised
 def test_an_orbit_that_loses_contact_scatters_as_its_neighbours_say():
     """It is shot for, and so are its neighbours."""
-    values = {"speed": 34.23, "clearance": 0.0645e-3, "load_law": "closing_stroke"}
-    orbit = jc.periodic_orbit(jc.build_scene(values), method="shooting")
+    machine = jc.paper_machine(speed=34.23, clearance=0.0645e-3, load_law="closing_stroke")
+    orbit = jc.periodic_orbit(machine.scene(), method="shooting")
     assert orbit.least_penetration < 0
     sigma, of_rms = 1e-9, {"outputs": ("foundation_rms",), "observables": ()}
-    found = jc.propagate(orbit, values, {"clearance": sigma}, **of_rms)
+    found = jc.propagate(machine, orbit, {"clearance": sigma}, **of_rms)
     ahead, behind = (
         jc.periodic_orbit(
-            jc.build_scene(values | {"clearance": 0.0645e-3 + side * sigma}), **orbit.alike
+            machine.scene(clearance=0.0645e-3 + side * sigma), **orbit.alike
         ).foundation_rms
         for side in (1, -1)
     )
@@ -178,26 +179,26 @@ def test_an_orbit_that_loses_contact_scatters_as_its_neighbours_say():
 @pytest.mark.parametrize(
     ("machine", "sigmas", "words"),
     [
-        (by_hand.CRUSHER, {}, "`sigmas` must name a number, but is empty"),
-        (by_hand.CRUSHER, {"jaw.mass": 0.0}, r"`sigmas\['jaw.mass'\]` must be finite and > 0"),
-        (by_hand.CRUSHER, {"load_seed": 1.0}, "`sigmas` must name numbers that may vary continuo"),
+        (MACHINE, {}, "`sigmas` must name a number, but is empty"),
+        (MACHINE, {"jaw.mass": 0.0}, r"`sigmas\['jaw.mass'\]` must be finite and > 0"),
+        (MACHINE, {"load_seed": 1.0}, "`sigmas` must name numbers that may vary continuo"),
         (jc.paper_scene, {"speed": 1.0}, r"`speed` must have a value, as {name: value}"),
-        ({"joint": "ideal", "speed": 31.0}, {"speed": 1.0}, "`machine` must make the scene of the"),
+        (MACHINE.replace(speed=31.0), {"speed": 1.0}, "`machine` must have the scene of the orbit"),
     ],
 )
 def test_refused(machine, sigmas, words):
     with pytest.raises(ValueError, match=words):
-        jc.propagate(of(by_hand.CRUSHER), machine, sigmas)
+        jc.propagate(machine, of(MACHINE), sigmas)
 
 
 def test_refuses_what_was_not_found():
-    orbit = of(by_hand.CRUSHER)
+    orbit = of(MACHINE)
     with pytest.raises(ValueError, match="`outputs` must be a known name, but is 'left_peak'"):
-        jc.propagate(orbit, by_hand.CRUSHER, {"jaw.mass": 1.0}, outputs=("left_peak",))
+        jc.propagate(MACHINE, orbit, {"jaw.mass": 1.0}, outputs=("left_peak",))
     with pytest.raises(ValueError, match="`orders` must be less than 512, but is 600"):
-        jc.propagate(orbit, by_hand.CRUSHER, {"jaw.mass": 1.0}, orders=600)
+        jc.propagate(MACHINE, orbit, {"jaw.mass": 1.0}, orders=600)
     none = missing(orbit.scene, 1, RESULTS.impacts)
     with pytest.raises(
         ValueError, match="`orbit` must be one that was found, but is none: The motion"
     ):
-        jc.propagate(none, by_hand.CRUSHER, {"jaw.mass": 1.0})
+        jc.propagate(MACHINE, none, {"jaw.mass": 1.0})

@@ -6,8 +6,10 @@ import pytest
 from jaxcrusher.commands.identify import draw
 from jaxcrusher.identification.identify import identify
 from jaxcrusher.identification.measurements import Measurement
+from jaxcrusher.scenes.crusher import paper_machine
 from tests.identification import by_hand
 
+MACHINE = paper_machine(**by_hand.CRUSHER)
 SHAKING = ("ground_force_x", "ground_force_y")
 FREE = {"shaft.mass": 90.0, "shaft.mass_centre_radius": 0.0065, "jaw.inertia": 120.0}
 
@@ -24,7 +26,7 @@ def found():
                 rows.append(
                     Measurement(speed, quantity, order, abs(value), 20.0, float(np.angle(value)))
                 )
-    return identify({**by_hand.CRUSHER, **FREE}, rows, [*FREE], starts=2)
+    return identify(MACHINE.replace(**FREE), rows, [*FREE], starts=2)
 
 
 def test_directions_that_cannot_be_told_are_named(found):
@@ -84,7 +86,7 @@ def test_numbers_that_cannot_be_told_take_no_degree_of_freedom(found):
 
 def test_a_prior_tells_what_the_data_do_not(found):
     priors = {"jaw.inertia": (130.0, 5.0), "shaft.mass": (95.0, 1.0)}
-    known = identify({**by_hand.CRUSHER, **FREE}, found.measured, [*FREE], starts=1, priors=priors)
+    known = identify(MACHINE.replace(**FREE), found.measured, [*FREE], starts=1, priors=priors)
     assert known.values["jaw.inertia"] == pytest.approx(130.0)
     assert known.standard_deviations["jaw.inertia"] == pytest.approx(5.0)
     assert known.standard_deviations["shaft.mass"] == pytest.approx(1.0, rel=0.01)
@@ -98,7 +100,7 @@ def test_a_wrong_model_is_seen(found):
         Measurement(one.speed, one.quantity, one.order, 1.3 * one.amplitude, one.sigma, one.phase)
         for one in found.measured
     ]
-    wrong = identify({**by_hand.CRUSHER, **FREE}, rows, [*FREE], starts=2)
+    wrong = identify(MACHINE.replace(**FREE), rows, [*FREE], starts=2)
     assert wrong.chance < 1e-3 and "The data scatter more than their sigmas say" in str(wrong)
 
 
@@ -145,7 +147,7 @@ def test_refused(change, words):
     with pytest.raises(ValueError, match=words):
         measured = asked.pop("measured", None)
         measured = [Measurement(**row)] if measured is None else measured
-        identify(by_hand.CRUSHER, measured, **asked)
+        identify(MACHINE, measured, **asked)
 
 
 def test_a_number_at_its_limit_has_no_error_and_the_others_hold_with_it_there():
@@ -156,8 +158,8 @@ def test_a_number_at_its_limit_has_no_error_and_the_others_hold_with_it_there():
         value = by_hand.crusher(opposite, 30.0)[name][1]
         rows.append(Measurement(30.0, name, 1, abs(value), 20.0, float(np.angle(value))))
     begin = {"shaft.mass_centre_radius": 0.006, "jaw.mass": 520.0}
-    both = identify(by_hand.CRUSHER, rows, begin, starts=1)
-    held = {**by_hand.CRUSHER, "shaft.mass_centre_radius": 0.0}
+    both = identify(MACHINE, rows, begin, starts=1)
+    held = MACHINE.replace(**{"shaft.mass_centre_radius": 0.0})
     alone = identify(held, rows, {"jaw.mass": 520.0}, starts=1)
     assert np.isnan(both.standard_deviations["shaft.mass_centre_radius"])
     # Fits end where their sums change by 1e-10.
@@ -174,7 +176,7 @@ def test_errors_that_reach_past_a_limit_are_rough():
     rows = [Measurement(30.0, "ground_force_x", 1, 1e4, 1e9)]
     priors = {"shaft.mass_centre_angle": (6.0, 0.3)}
     begin = {"shaft.mass_centre_angle": 6.0}
-    found = identify(by_hand.CRUSHER, rows, begin, priors=priors, starts=1)
+    found = identify(MACHINE, rows, begin, priors=priors, starts=1)
     assert found.remarks == [
         "2 standard deviations away there is no such machine, or none with a periodic orbit. "
         "Standard deviations are rough."

@@ -177,13 +177,12 @@ def test_a_sweep_calls_jax_as_often_for_any_designs_and_turns(
             assert len(calls) == before + 1
 
     monkeypatch.setattr(program._Group, "run", counting)
-    axes = {"speed": np.linspace(28, 32, speeds)}
-    base = {"start": "contact"}
-    found = jc.sweep(axes, 0, turns, base=base, rtol=1e-5, engine="gpu")
+    asked = jc.paper_machine(start="contact"), {"speed": np.linspace(28, 32, speeds)}, 0, turns
+    found = jc.sweep(*asked, rtol=1e-5, engine="gpu")
     # Before the integration, of what is the same for all and of what is not; and behind it.
     assert len(calls) == 3
     assert simulated.used == {"up": 1, "kernels": 1, "down": 1, "compiled": 1, "streams": 1}
-    exact = jc.sweep(axes, 0, turns, base=base, rtol=1e-5, engine="lanes")
+    exact = jc.sweep(*asked, rtol=1e-5, engine="lanes")
     # Rounding, in a quiet motion.
     np.testing.assert_allclose(found.foundation_rms, exact.foundation_rms, rtol=1e-9)
 
@@ -195,7 +194,7 @@ needs_card = pytest.mark.skipif(not finds_card(), reason="CuPy finds no GPU of N
 def test_a_real_card_agrees_with_lanes():
     axes = {"speed": np.linspace(28, 32, 40), "clearance": [5e-5, 7e-5]}
     found, exact = (
-        jc.sweep(axes, 1, 2, base={"start": "contact"}, rtol=1e-8, engine=engine)
+        jc.sweep(jc.paper_machine(start="contact"), axes, 1, 2, rtol=1e-8, engine=engine)
         for engine in ("gpu", "lanes")
     )
     assert found.success.all() and found.engine == "gpu"
@@ -205,8 +204,8 @@ def test_a_real_card_agrees_with_lanes():
 
 @needs_card
 def test_a_real_card_gives_the_same_bits_in_chunks_and_at_once():
-    axes = {"speed": np.linspace(28, 32, 300)}
-    runs = [jc.sweep(axes, 0, 1, rtol=1e-6, chunk=n, engine="gpu") for n in (300, 100)]
+    asked = jc.paper_machine(), {"speed": np.linspace(28, 32, 300)}, 0, 1
+    runs = [jc.sweep(*asked, rtol=1e-6, chunk=n, engine="gpu") for n in (300, 100)]
     np.testing.assert_array_equal(*(one.foundation_rms for one in runs))
 
 

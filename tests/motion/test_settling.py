@@ -108,13 +108,13 @@ NAMES = ("foundation_rms", "foundation_mean", "foundation_peak", "penetration_ra
 
 @pytest.fixture(scope="module")
 def orbits():
-    return jc.orbit_map(AXES)
+    return jc.orbit_map(jc.paper_machine(), AXES)
 
 
 @pytest.mark.parametrize("start", ["centred", "contact"])
 def test_errors_cover_how_far_a_sweep_is_from_the_orbits(orbits, start):
     """The paper's crusher over 40 turns after 40: by chance alone it is 19 to 206 errors off."""
-    found = jc.sweep(AXES, 40, 40, base={"start": start})
+    found = jc.sweep(jc.paper_machine(start=start), AXES, 40, 40)
     for name in NAMES:
         off = np.abs(found[name] - orbits[name]).values
         # An order of magnitude: where a force turns by an angle a, a^2 stands for all that it does.

@@ -222,14 +222,14 @@ def test_one_s_own_is_known_wherever_statistics_are():
     np.testing.assert_allclose(orbit[own[1]], jnp.min(seen), rtol=1e-6)
 
     grid = {"speed": [30.0]}
-    found = jc.orbit_map(grid, scene=with_own, metric=name, nodes=96)
+    found = jc.orbit_map(with_own, grid, metric=name, nodes=96)
     # XLA rounds a program of many cells otherwise than that of one.
     np.testing.assert_allclose(found[name], orbit[name], rtol=1e-9)
     report = jc.gradient_report(with_own, name, {"speed": 30.0})
     # Differences of orbits agree, which are made of the numbers above.
     assert report.usable and "orbits" in report.slopes["speed"].estimates, str(report)
 
-    swept = jc.sweep(grid, 1, 2, scene=with_own)
+    swept = jc.sweep(with_own, grid, 1, 2)
     one = jc.statistics(scene, 1, 2, outputs=own)
     for name in own:
         # A quiet motion, both at 1e-9 a step.
@@ -254,7 +254,7 @@ def test_programs_are_of_functions_and_not_of_their_names():
             float(of_slices(reduction, along.values, 1)),
             float(jc.periodic_orbit(scene, nodes=96)[name]),
             float(jc.periodic_orbit(scene.ideal())[last]),
-            float(jc.sweep({"speed": [30.0]}, 0, 1, scene=made, rtol=1e-6)[name][0]),
+            float(jc.sweep(made, {"speed": [30.0]}, 0, 1, rtol=1e-6)[name][0]),
         ]
 
     def twice(how):

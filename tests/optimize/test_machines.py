@@ -12,14 +12,13 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.orbits.result import RESULTS, missing
-from jaxcrusher.scenes.parameters import complete
 from optimize.machines import (
     COMPARED,
     DRAWN,
     QUANTITIES,
-    Machine,
+    Compared,
+    compared,
     draw,
-    machine,
     run,
     table_rows,
 )
@@ -27,7 +26,7 @@ from optimize.objectives import OBJECTIVES
 
 
 @pytest.fixture(scope="module")
-def compared(tmp_path_factory):
+def both(tmp_path_factory):
     """A quiet machine, and one whose load comes and goes; the screen, the csv, the folder."""
     folder = tmp_path_factory.mktemp("compared")
     (folder / "quiet.toml").write_text('speed = "27 rad/s"\nclearance = "0.05 mm"\n')
@@ -48,8 +47,8 @@ def compared(tmp_path_factory):
     return written.getvalue(), rows, folder
 
 
-def test_numbers_are_those_of_the_orbit(compared):
-    _, (quiet, _), _ = compared
+def test_numbers_are_those_of_the_orbit(both):
+    _, (quiet, _), _ = both
     orbit = jc.periodic_orbit(jc.paper_scene(27.0, 0.05e-3))
     chamber = CrushingChamber()
     assert quiet["numbers of"] == "periodic orbit" and quiet["contact model"] == "inside"
@@ -60,8 +59,8 @@ def test_numbers_are_those_of_the_orbit(compared):
         assert float(quiet[f"{name}, {OBJECTIVES[name].unit}"]) == pytest.approx(value, rel=digits)
 
 
-def test_a_motion_without_an_orbit_has_means_and_the_scatter_of_its_peaks(compared):
-    screen, (_, loud), folder = compared
+def test_a_motion_without_an_orbit_has_means_and_the_scatter_of_its_peaks(both):
+    screen, (_, loud), folder = both
     assert loud["numbers of"] == "mean of turns 3 to 5"
     scene = jc.paper_scene(30.0, 0.06e-3, load_law="closing_stroke")
     result = jc.statistics(scene, 2, 3, outputs=("foundation_peak",))
@@ -75,7 +74,7 @@ def test_a_motion_without_an_orbit_has_means_and_the_scatter_of_its_peaks(compar
 
 def test_a_number_that_no_machine_has_is_not_drawn():
     numbers = dict.fromkeys(QUANTITIES, 1.0)
-    smooth = Machine("a", numbers | {"wear": math.nan}, {}, "x", "inside")
+    smooth = Compared("a", numbers | {"wear": math.nan}, {}, "x", "inside")
     titles = [ax.get_title() for ax in draw([smooth]).axes]
     assert len(titles) == len(DRAWN) - 1 and not any("wear" in title for title in titles)
     rubs = replace(smooth, numbers=numbers)
@@ -83,21 +82,19 @@ def test_a_number_that_no_machine_has_is_not_drawn():
 
 
 def test_a_machine_with_ideal_joints_is_compared_and_does_not_wear():
-    values = complete({"joint": "ideal", "speed": 27.0})
-    ideal = machine("ideal", values, jc.build_scene(values), 2, 3)
+    ideal = compared("ideal", jc.paper_machine(joint="ideal", speed=27.0), 2, 3)
     assert ideal.motion == "periodic orbit" and math.isnan(ideal.numbers["clearance"])
     assert [name for name in COMPARED if math.isnan(ideal.numbers[name])] == ["wear"]
 
 
 def test_the_orbit_of_a_rough_feed_is_that_of_its_mean_load():
-    values = complete({"joint": "ideal", "load_scatter": 0.1})
-    found = machine("rough", values, jc.build_scene(values), 0, 2)
+    found = compared("rough", jc.paper_machine(joint="ideal", load_scatter=0.1), 0, 2)
     assert found.motion == "periodic orbit under the mean load"
 
 
 def test_capacity_in_tonnes():
     numbers = dict.fromkeys(QUANTITIES, 1.0) | {"clearance": math.nan, "capacity": 7.5}
-    one = Machine("a", numbers, {}, "x", "inside")
+    one = Compared("a", numbers, {}, "x", "inside")
     assert table_rows([one], None)[4] == ("  vertical over horizontal", "1")
     rows = dict((row[0] + row[1][-3:], row[1]) for row in table_rows([one], 1600.0))
     assert rows["capacityt/h"] == "12 t/h" and rows["radial clearanceone"] == "none"

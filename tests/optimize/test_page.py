@@ -323,7 +323,7 @@ def test_the_two_bearings_are_drawn_once(tmp_path, monkeypatch):
     monkeypatch.setattr(figures, "write_figure", kept)
     found = hand_made_answer()
     # A load across the jaw presses on both, so that both forces are long enough for a name.
-    design = Design(found.box.bounds, {"load_law": "normal_to_jaw"})
+    design = Design(found.box.bounds, jc.paper_machine(load_law="normal_to_jaw"))
     case: Any = SimpleNamespace(design=design)
     figures.draw_bearings(tmp_path, case, found.optimum)
     (names,) = drawn
@@ -564,7 +564,8 @@ def test_colours_run_over_the_whole_map():
 @pytest.mark.slow
 def test_motions_go_on_from_the_landscape():
     # So fast that two turns of impacts end before trajectories diverge (like exp(200 t)).
-    design = Design({"speed": (25.0, 250.0), "clearance": (3e-5, 6e-5)}, {"friction": 0.05})
+    bounds = {"speed": (25.0, 250.0), "clearance": (3e-5, 6e-5)}
+    design = Design(bounds, jc.paper_machine(friction=0.05))
     case = Case(design, OBJECTIVES["rms"], CrushingChamber())
     cells = {"start": list(STARTS), "speed": [25.0, 250.0], "clearance": [3e-5, 6e-5]}
     after = [jc.statistics(scene(*cell), 0, 1, **AFTER).state for cell in product(*cells.values())]

@@ -992,7 +992,7 @@ def test_a_law_of_ones_own_is_searched(tmp_path):
     assert rows["counts"].all() and (rows["slope"][:, 0] != 0).all()
     # And by an option, which is known to no list either.
     named = Options(load_law="law_of_a_search:Push", design=free, capacity_floor=1.0)
-    assert resolve(named).searched.described["load_law"] == "law_of_a_search:Push"
+    assert resolve(named).searched.machine.given["load_law"] == "law_of_a_search:Push"
 
 
 def named_by(options):

@@ -161,7 +161,7 @@ def test_counterweight_of_a_shaft_alone():
         "counterweight.radius": 0.2,
     }
     moment = ("counterweight.moment_along", "counterweight.moment_across")
-    design = Design(dict.fromkeys(moment, (-1.5, 1.5)), fixed)
+    design = Design(dict.fromkeys(moment, (-1.5, 1.5)), jc.paper_machine(**fixed))
 
     @jax.jit
     def rms(unit):

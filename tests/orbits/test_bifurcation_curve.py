@@ -37,7 +37,7 @@ def test_a_fold_by_few_nodes_and_over_two_parameters():
     from lower speeds.
     """
     few = {"scale": 1.0, "nodes": 96, "points": 7}
-    found = jc.orbit_branch(over_speed(0.11e-3), 38.01, BOUNDS[0], **few)
+    found = jc.orbit_branch(over_speed(0.11e-3), "speed", 38.01, BOUNDS[0], **few)
     assert found.branches[0].points[0].u.shape == (96, 2)
     (fold,) = found.events
     assert fold.kind == "fold" and fold.error < 1e-8
@@ -52,7 +52,8 @@ def test_a_fold_by_few_nodes_and_over_two_parameters():
     assert orbit.multipliers_error < 1e-8
     np.testing.assert_allclose(least, 1.405e-6, atol=1e-8)
 
-    curve = jc.bifurcation_curve(scene, fold, 0.11e-3, BOUNDS, scales=SCALES, points=3)
+    given = scene, ("speed", "clearance")
+    curve = jc.bifurcation_curve(*given, fold, 0.11e-3, BOUNDS, scales=SCALES, points=3)
     table = curve.table
     assert curve.events == () and len(curve.orbits) == 5
     assert curve.found == "by collocation with 96 nodes a turn"
@@ -63,7 +64,8 @@ def test_a_fold_by_few_nodes_and_over_two_parameters():
     last = table.isel(point=-1)
     speed, clearance = float(last.parameter), float(last.second)
     guess = np.asarray(curve.orbits[-1].eccentricity)
-    again = jc.orbit_branch(over_speed(clearance), speed - 0.02, BOUNDS[0], guess=guess, **few)
+    over = over_speed(clearance)
+    again = jc.orbit_branch(over, "speed", speed - 0.02, BOUNDS[0], guess=guess, **few)
     near = min((one.parameter for one in again.events), key=lambda one: abs(one - speed))
     # 384 nodes tell of the branch, and 96 of the curve, at either end of it 2e-4 less. What is
     # left between both ends is 5e-6.
@@ -90,8 +92,9 @@ def test_lost_contact_is_followed_by_shooting():
     (lost,) = special_points(branch)
     assert lost.kind == "contact lost"
     event = Event(lost.kind, lost.parameter, lost.error, branch, lost.point)
+    names, bounds = ("speed", "clearance"), ((34.0, 34.6), (0.11e-3, 0.13e-3))
     curve = jc.bifurcation_curve(
-        closing, event, 0.12e-3, ((34.0, 34.6), (0.11e-3, 0.13e-3)), scales=(0.3, 3e-7), points=2
+        closing, names, event, 0.12e-3, bounds, scales=(0.3, 3e-7), points=2
     )
     assert len(curve.orbits) == 3 and np.ptp(curve.table.parameter.values) > 1e-4
     assert curve.found == "by shooting from 8 states a turn"
@@ -126,8 +129,9 @@ def test_a_closed_curve_is_followed_once(monkeypatch):
     )
     monkeypatch.setattr(bifurcation_curve, "tabulated", lambda _, both: both)
     event = Event(fold.kind, fold.parameter, 0.0, branch, fold.point)
-    made = lambda *_: scene(jnp.asarray(38.0), jnp.asarray(1e-4))  # noqa: E731
-    curve = jc.bifurcation_curve(made, event, 0.6, ((-2, 2), (-2, 2)), scales=(1.0, 1.0))
+    made = lambda **_: scene(jnp.asarray(38.0), jnp.asarray(1e-4))  # noqa: E731
+    bounds = ((-2, 2), (-2, 2))
+    curve = jc.bifurcation_curve(made, ("p", "q"), event, 0.6, bounds, scales=(1.0, 1.0))
     first, second = curve.table["parameter"], curve.table["second"]
     np.testing.assert_allclose(first**2 + second**2, 1.0, atol=1e-9)
     # All the way round, as the second parameter grows at first where it ends.
@@ -141,8 +145,9 @@ def test_a_closed_curve_is_followed_once(monkeypatch):
 def test_refusals():
     fold = Event("fold", 37.3, 0.0, branch=object(), point=object())  # pyright: ignore
     with pytest.raises(ValueError, match=r"`second` must lie in \["):
-        jc.bifurcation_curve(scene, fold, 0.2e-3, BOUNDS)
+        jc.bifurcation_curve(scene, ("speed", "clearance"), fold, 0.2e-3, BOUNDS)
     with pytest.raises(ValueError, match="`kind` must be one of"):
         fold.other_branch()
     with pytest.raises(ValueError, match="`scales` must be finite and > 0"):
-        jc.bifurcation_curve(scene, fold, 0.1e-3, BOUNDS, scales=(1.0, 0.0))
+        names = "speed", "clearance"
+        jc.bifurcation_curve(scene, names, fold, 0.1e-3, BOUNDS, scales=(1.0, 0.0))

@@ -18,7 +18,7 @@ def scene(speed):
 def test_a_fold_of_the_crusher():
     """At 0.1 mm the quiet motion ends at 37.3155 rad/s; below, another stable one is as quiet."""
     bounds = (37.1, 37.6)
-    found = jc.orbit_branch(scene, 37.25, bounds, scale=1.0, points=60)
+    found = jc.orbit_branch(scene, "speed", 37.25, bounds, scale=1.0, points=60)
     (fold,) = found.events
     assert fold.kind == "fold"
     # 96 nodes a turn say 37.31547; from 192 to 384 it moves by 2e-8.
@@ -27,7 +27,7 @@ def test_a_fold_of_the_crusher():
     parameter, stable = found.table.parameter.values, found.table.stable.values
     turned = int(np.argmax(parameter))
     assert stable[: turned - 1].all() and not stable[turned + 1 :].any()
-    other = jc.orbit_branch(scene, 37.5, bounds, upwards=False, scale=1.0, points=60)
+    other = jc.orbit_branch(scene, "speed", 37.5, bounds, upwards=False, scale=1.0, points=60)
     # Both are stable at one speed, and differ by more than their errors.
     both = []
     for branch, until in ((found, turned), (other, None)):
@@ -64,7 +64,7 @@ def test_a_global_that_changes_is_seen(monkeypatch):
     for value in expected:
         monkeypatch.setitem(globals(), "CLEARANCE", value)
         with pytest.raises(StopIteration):
-            jc.orbit_branch(worn, 30.0, (29.0, 31.0), nodes=96)
+            jc.orbit_branch(worn, "speed", 30.0, (29.0, 31.0), nodes=96)
     assert seen == expected and traces == expected[:2]
 
 
@@ -74,7 +74,7 @@ def test_a_branch_is_made_of_orbits():
     def scene(speed):
         return jc.paper_scene(speed, 6e-5)
 
-    found = jc.orbit_branch(scene, 30.0, (30.0, 30.05), scale=1.0, points=9, nodes=96)
+    found = jc.orbit_branch(scene, "speed", 30.0, (30.0, 30.05), scale=1.0, points=9, nodes=96)
     assert found.found == "by collocation with 96 nodes a turn"
     table = found.table
     assert np.all(np.diff(table.parameter) > 0)
@@ -91,7 +91,9 @@ def test_a_branch_is_made_of_orbits():
 def test_nodes_that_do_not_serve_are_told():
     """96 nodes resolve the motion, and tell what 48 leave to shooting: warned of, and as exact."""
     with pytest.warns(UserWarning, match="followed by shooting, .* 48 nodes a turn do not serve"):
-        found = jc.orbit_branch(scene, 37.3, (37.29, 37.302), scale=1.0, points=9, nodes=48)
+        found = jc.orbit_branch(
+            scene, "speed", 37.3, (37.29, 37.302), scale=1.0, points=9, nodes=48
+        )
     assert found.found == "by shooting from 8 states a turn"
     table = found.table.isel(point=-1)
     np.testing.assert_allclose(table.parameter, 37.302, rtol=1e-15)  # rounding
@@ -104,14 +106,14 @@ def test_nodes_that_do_not_serve_are_told():
 
 def test_a_start_that_is_no_number_is_refused(unchecked):
     with pytest.raises(ValueError, match="`start` must be a number, but is 'x'"):
-        jc.orbit_branch(scene, "x", (31.0, 32.0))  # pyright: ignore[reportArgumentType]
+        jc.orbit_branch(scene, "speed", "x", (31.0, 32.0))  # pyright: ignore[reportArgumentType]
 
 
 def test_refusals():
     with pytest.raises(ValueError, match=r"`start` must lie in \[31, 32\], but is 30.0"):
-        jc.orbit_branch(scene, 30.0, (31.0, 32.0))
+        jc.orbit_branch(scene, "speed", 30.0, (31.0, 32.0))
     with pytest.raises(ValueError, match="`points` must be a whole number"):
-        jc.orbit_branch(scene, 30.0, (29.0, 32.0), points=0)
+        jc.orbit_branch(scene, "speed", 30.0, (29.0, 32.0), points=0)
     lost = missing(jc.paper_scene(30.0, 0.1e-3), 2, RESULTS.not_closed)
     with pytest.raises(ValueError, match="`period` must be the guess's 2, but is 1"):
-        jc.orbit_branch(scene, 30.0, (29.0, 32.0), period=1, guess=lost)
+        jc.orbit_branch(scene, "speed", 30.0, (29.0, 32.0), period=1, guess=lost)

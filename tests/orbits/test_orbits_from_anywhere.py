@@ -150,7 +150,7 @@ def test_a_motion_that_must_be_waited_for():
 def test_a_map_waits_for_what_its_neighbours_do_not_lead_to():
     """So does a lone call, whose first try fails at the higher speed."""
     axes = {"speed": [37.075044, 38.465164], "clearance": [0.105981e-3]}
-    found = jc.orbit_map(axes, base={"slip": "surface"})
+    found = jc.orbit_map(jc.paper_machine(slip="surface"), axes)
     assert not jc.periodic_orbit(jc.build_scene(PAPER), nodes=96).success
     alone = [jc.periodic_orbit(jc.build_scene(PAPER | {"speed": speed})) for speed in axes["speed"]]
     assert found.success.all()

@@ -74,7 +74,7 @@ def test_slopes_by_clearances_of_elbow_and_pivot(orbit):
 
 @pytest.mark.slow
 def test_a_map(orbit):
-    found = jc.orbit_map({"speed": [29.0, 30.0]}, base=LOOSE, nodes=NODES)
+    found = jc.orbit_map(jc.paper_machine(**LOOSE), {"speed": [29.0, 30.0]}, nodes=NODES)
     assert found.success.all()
     assert float(found.foundation_rms[1]) == pytest.approx(float(orbit.foundation_rms), rel=1e-12)
 

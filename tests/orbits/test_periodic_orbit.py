@@ -18,7 +18,6 @@ from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.result import WAYS
 from jaxcrusher.periodic.multipliers import UNSURE
-from jaxcrusher.scenes.linkages import read_linkage
 from jaxcrusher.scenes.parameters import PARAMETERS, numbers_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -114,8 +113,8 @@ def test_a_contact_that_takes_many_steps_has_one_verdict_eagerly_and_traced():
 
     The swing's multipliers are 0.988566 +- 0.0042i, all but a double one.
     """
-    drawing, values, _ = read_linkage(EXAMPLES / "pump.toml")
-    scene = drawing(**values | {"bodies.crank.mass_centre.x": -53.8e-3, "speed": 20 * np.pi})
+    balanced = {"bodies.crank.mass_centre.x": -53.8e-3, "speed": 20 * np.pi}
+    scene = jc.read_machine(EXAMPLES / "pump.toml").scene(**balanced)
     eager = jc.periodic_orbit(scene, nodes=96)
     traced = jax.jit(lambda scene: jc.periodic_orbit(scene, nodes=96))(scene)
     assert eager.stable and traced.stable

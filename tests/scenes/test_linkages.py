@@ -12,9 +12,9 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.crusher.scene import crusher_of
 from jaxcrusher.mechanism.observables import kinetic_energy
+from jaxcrusher.scenes.described import read_machine, read_scene
 from jaxcrusher.scenes.linkages import linkage, read_linkage
 from jaxcrusher.scenes.parameters import NUMBERS
-from jaxcrusher.scenes.reader import described, read_scene
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 NAMES = ("slider_crank", "four_bar", "double_toggle")
@@ -56,17 +56,16 @@ CURVE = np.stack([ANGLES, 100 * (1 + np.cos(ANGLES))], axis=1)
 @pytest.mark.parametrize("name", NAMES)
 def test_an_example_is_read(name):
     path = EXAMPLES / f"{name}.toml"
-    drawing, values, _ = read_linkage(path)
-    scene = read_scene(path)
+    machine, scene = read_linkage(path), read_scene(path)
+    drawing, twice = machine.structure, 2 * machine.values["speed"]
     assert scene.linkage.crank == drawing.crank and len(scene.joints) == 1
     # The drawing of another file of the same bodies is equal: programs are kept by it.
-    assert read_linkage(path).drawing == drawing and hash(drawing) == hash(drawing)
-    faster = drawing(**(values | {"speed": 2 * values["speed"]}))
-    assert float(faster.drive.speed) == 2 * values["speed"]
+    assert read_linkage(path).structure == drawing and hash(drawing) == hash(drawing)
+    assert float(machine.scene(speed=twice).drive.speed) == twice
 
 
 def test_a_file_and_python_say_the_same():
-    one = described(EXAMPLES / "slider_crank.toml", [("speed", "191 rpm")])
+    one = read_machine(EXAMPLES / "slider_crank.toml", [("speed", "191 rpm")]).scene()
     other = linkage(
         **changed(
             speed="191 rpm",
@@ -88,11 +87,11 @@ def test_a_file_and_python_say_the_same():
             },
         )
     )
-    for scene in (one.scene, other):
+    for scene in (one, other):
         assert float(scene.joints["B"].clearance) == 5e-4
     seen = [
         jc.simulate(scene, [0.0, 2e-3], outputs=("slider_acceleration",)).slider_acceleration
-        for scene in (one.scene, other)
+        for scene in (one, other)
     ]
     np.testing.assert_array_equal(*map(np.asarray, seen))
 
@@ -383,13 +382,13 @@ def test_a_crusher_may_say_its_kind_and_has_no_number_of_a_linkage(tmp_path):
     ],
 )
 def test_a_key_may_be_set_that_a_file_has_or_may_have(file, key, text, value):
-    found = described(EXAMPLES / f"{file}.toml", [(key, text)])
+    found = read_machine(EXAMPLES / f"{file}.toml", [(key, text)])
     assert found.values[key] == value
 
 
 def test_a_choice_of_a_joint_is_one_of_its_laws():
     with pytest.raises(ValueError, match=r"`joints.B.slip` must be one of 'centre', 'surface'"):
-        described(EXAMPLES / "four_bar.toml", [("joints.B.slip", "middle")])
+        read_machine(EXAMPLES / "four_bar.toml", [("joints.B.slip", "middle")])
 
 
 @pytest.mark.parametrize(
@@ -405,11 +404,13 @@ def test_a_choice_of_a_joint_is_one_of_its_laws():
     ],
 )
 def test_a_drawing_refuses_what_it_does_not_read(name, words):
-    drawing, values, _ = read_linkage(EXAMPLES / "pump.toml")
+    machine = read_linkage(EXAMPLES / "pump.toml")
     with pytest.raises(ValueError, match=re.escape(words)):
-        drawing(**values, **{name: 0.01})
+        machine.scene(**{name: 0.01})
     with pytest.raises(ValueError, match=re.escape(words)):
-        jc.sweep({name: [0.01, 0.02]}, 1, 1, base=values, scene=drawing)
+        machine.replace(**{name: 0.01})
+    with pytest.raises(ValueError, match=re.escape(words)):
+        jc.sweep(machine, {name: [0.01, 0.02]}, 1, 1)
 
 
 @pytest.mark.parametrize(
@@ -425,31 +426,32 @@ def test_a_drawing_refuses_what_it_does_not_read(name, words):
 )
 def test_a_drawing_refuses_what_a_file_may_not_have(name, value, words):
     """A restitution above 1 would put energy in; one that `jax.jit` alone knows becomes NaN."""
-    drawing, values, _ = read_linkage(EXAMPLES / "pump.toml")
-    other = {key: one for key, one in (values | {name: value}).items() if one is not None}
+    machine = read_linkage(EXAMPLES / "pump.toml")
+    other = {**machine.values, name: value}
+    other = {key: one for key, one in other.items() if one is not None}
     with pytest.raises(ValueError, match=re.escape(words)):
-        drawing(**other)
+        machine.structure.scene(other)
     if isinstance(value, float):
-        seen = jax.jit(lambda one: drawing(**(values | {name: one})))
+        seen = jax.jit(lambda one: machine.scene(**{name: one}))
         good = [np.isfinite(leaf).all() for leaf in jax.tree.leaves(seen(value))]
         assert not all(good)
 
 
 def test_a_friction_s_traced_speeds_are_in_order():
     """As known ones are: a ramp that would begin above its end is NaN."""
-    drawing, values, _ = read_linkage(EXAMPLES / "slider_crank.toml")
     friction = {"joints.B.friction": 0.1, "joints.B.full_speed": 0.2}
+    machine = read_linkage(EXAMPLES / "slider_crank.toml").replace(**friction)
 
     def begin(speed):
-        drawn = drawing(**(values | friction | {"joints.B.static_speed": speed}))
-        return drawn.joints.at("B").friction.static_speed
+        scene = machine.scene(**{"joints.B.static_speed": speed})
+        return scene.joints.at("B").friction.static_speed
 
     begins = jax.vmap(begin)(jnp.array([0.1, 0.2, 0.3]))
     np.testing.assert_array_equal(begins, [0.1, np.nan, np.nan])
 
 
 def test_numbers_of_a_joint_are_not_called_those_of_a_jaw():
-    _, values, _ = read_linkage(EXAMPLES / "pump.toml")
+    values = read_linkage(EXAMPLES / "pump.toml").values
     numbers = [name for name in values if name.startswith("joints.") and name in NUMBERS]
     meanings = [NUMBERS[name].meaning for name in numbers]
     assert meanings and not [text for text in meanings if "main bearing" in text or "jaw" in text]
@@ -466,13 +468,13 @@ def test_numbers_of_a_joint_are_not_called_those_of_a_jaw():
     ],
 )
 def test_a_drawing_reads_what_is_zero_or_left_to_its_default(name, seen):
-    drawing, values, _ = read_linkage(EXAMPLES / "pump.toml")
-    assert name not in values and float(seen(drawing(**values, **{name: 0.01}))) == 0.01
+    machine = read_linkage(EXAMPLES / "pump.toml")
+    assert name not in machine.values and float(seen(machine.scene(**{name: 0.01}))) == 0.01
 
 
 def test_what_overrides_a_linkage_lets_it_close():
     with pytest.raises(ValueError, match="coupler and rocker meet at every angle of the crank"):
-        described(EXAMPLES / "four_bar.toml", [("joints.A.pin.x", "500 mm")])
+        read_machine(EXAMPLES / "four_bar.toml", [("joints.A.pin.x", "500 mm")])
 
 
 @pytest.mark.parametrize(
@@ -486,7 +488,7 @@ def test_what_overrides_a_linkage_lets_it_close():
 )
 def test_a_misspelt_number_is_told_from_those_of_its_table(name, meant):
     with pytest.raises(ValueError, match=f"`{name}` must be .* did you mean {meant}\\?$"):
-        described(EXAMPLES / "four_bar.toml", [(name, "1 mm")])
+        read_machine(EXAMPLES / "four_bar.toml", [(name, "1 mm")])
 
 
 @pytest.mark.slow
@@ -542,8 +544,8 @@ def test_statistics_of_a_linkage_are_those_of_its_motion():
 
 def test_statistics_of_a_small_machine_are_those_of_a_large_one():
     """Masses of a thousandth and lengths of a tenth: forces of 1e-4, torques of 1e-5 as much."""
-    drawing, values, _ = read_linkage(EXAMPLES / "slider_crank.toml")
-    values = {name: one for name, one in values.items() if not name.startswith("joints.B.")}
+    machine = read_linkage(EXAMPLES / "slider_crank.toml")
+    values = {name: one for name, one in machine.values.items() if not name.startswith("joints.B.")}
     values |= {"joints.B.bore.x": 0.12, "speed": 6.0}
     small = {
         name: one * {"kg": 1e-3, "m": 0.1, "kg m2": 1e-5}.get(NUMBERS[name].unit, 1.0)
@@ -551,7 +553,10 @@ def test_statistics_of_a_small_machine_are_those_of_a_large_one():
     }
     scale = {"shaking_rms": 1e-4, "guide_force_rms": 1e-4, "rod_acceleration_rms": 0.1}
     scale |= {"shaking_moment_rms": 1e-5, "drive_torque_rms": 1e-5, "drive_torque_peak": 1e-5}
-    one, other = (jc.statistics(drawing(**v), 0, 1, outputs=tuple(scale)) for v in (values, small))
+    one, other = (
+        jc.statistics(machine.structure.scene(v), 0, 1, outputs=tuple(scale))
+        for v in (values, small)
+    )
     for name, factor in scale.items():
         assert float(other[name]) == pytest.approx(factor * float(one[name]), rel=1e-6), name
 

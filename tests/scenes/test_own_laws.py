@@ -169,10 +169,9 @@ def test_slopes_sweeps_and_lanes(laws, tmp_path):
     difference = float(rms(5.05e9) - rms(4.95e9)) / 1e8
     # Differences over a hundredth of a force that is nearly linear in it.
     assert slope == pytest.approx(difference, rel=1e-3)
-    base = {name: value for name, value in values.items() if name != "contact.spring"}
-    axes = {"contact.spring": [4e9, 5e9]}
+    machine, axes = jc.read_machine(tmp_path / "scene.toml"), {"contact.spring": [4e9, 5e9]}
     lanes, loop = (
-        jc.sweep(axes, 0, 1, base=base, engine=engine).foundation_rms.values
+        jc.sweep(machine, axes, 0, 1, engine=engine).foundation_rms.values
         for engine in ("lanes", "loop")
     )
     # Steps of 1e-9, other roundings.
@@ -183,16 +182,16 @@ def test_slopes_sweeps_and_lanes(laws, tmp_path):
 def test_a_store_knows_the_source(laws, tmp_path):
     """A law that changed is refused, before anything is mixed."""
     values = read_scene_file(tmp_path / "scene.toml")
-    asked = {"speed": [30.0, 31.0]}, 0, 1
-    jc.sweep(*asked, base=values, store=tmp_path / "store.zarr", engine="loop")
+    asked = jc.paper_machine(**values), {"speed": [30.0, 31.0]}, 0, 1
+    jc.sweep(*asked, store=tmp_path / "store.zarr", engine="loop")
     before = with_digests(values)
-    jc.sweep(*asked, base=values, store=tmp_path / "store.zarr", engine="loop")
+    jc.sweep(*asked, store=tmp_path / "store.zarr", engine="loop")
     source = tmp_path / f"{laws}.py"
     source.write_text(source.read_text().replace("jnp.tanh", "jnp.sin"))
     after = with_digests(values)
     assert before["contact_law"] != after["contact_law"]
     with pytest.raises(ValueError, match="store"):
-        jc.sweep(*asked, base=values, store=tmp_path / "store.zarr", engine="loop")
+        jc.sweep(*asked, store=tmp_path / "store.zarr", engine="loop")
 
 
 def test_files_that_a_law_imports_are_known_too(laws, tmp_path):

@@ -14,8 +14,9 @@ from jaxcrusher.basics import setup
 from jaxcrusher.basics.setup import UnusualNumbers
 from jaxcrusher.commands.crushers import read_crusher
 from jaxcrusher.commands.options import Crusher
+from jaxcrusher.scenes.machine import tell_about
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, PE250X400, openers, readable
-from jaxcrusher.scenes.plausibility import RATIOS, remarks, tell_borrowed
+from jaxcrusher.scenes.plausibility import RATIOS, remarks
 
 
 def test_the_paper_s_box_is_plausible():
@@ -131,19 +132,22 @@ def test_a_command_tells_what_an_example_on_rollers_leaves(capsys):
     assert "pe900x1200.toml leaves 2 numbers to the PE250x400" in capsys.readouterr().err
 
 
+def left_open(values):
+    machine = jc.paper_machine(**values)
+    return machine.structure.left_open(machine)
+
+
 def test_numbers_that_a_scene_file_leaves_to_the_paper_are_told(capsys):
-    tell_borrowed({"toggle.mass": 20.0}, None)
+    tell_about(jc.paper_machine(**{"toggle.mass": 20.0}), None)
     assert capsys.readouterr().err == ""
     always = [name for name in NUMBERS if not openers(name)]
     whole = {name: 1.0 for name in always if name not in ("jaw.mass", "load", "friction")}
-    tell_borrowed(whole, Path("mine.toml"))
-    told, without = capsys.readouterr().err.splitlines()
-    assert told == "mine.toml leaves 2 numbers to the PE250x400: load 8800 N, jaw.mass 524 kg."
-    assert without.startswith("mine.toml has no load_law: the load is the paper's, constant along")
+    told, without = left_open(whole)
+    assert told == "leaves 2 numbers to the PE250x400: load 8800 N, jaw.mass 524 kg."
+    assert without.startswith("has no load_law: the load is the paper's, constant along")
     # A measured curve has its own force.
     whole |= {"load_law": "by_angle", "jaw.mass": 500.0}
-    tell_borrowed(whole, Path("mine.toml"))
-    assert capsys.readouterr().err == ""
+    assert left_open(whole) == []
     # Parts that a crusher need not have, where it has them.
     for part, count, words in (
         ({"foundation.mass": 1e5}, 10, "foundation.inertia 2500 kg m2"),
@@ -153,8 +157,7 @@ def test_numbers_that_a_scene_file_leaves_to_the_paper_are_told(capsys):
         ({"shaft_bearing.clearance": 1e-4}, 1, "shaft_bearing.bore_radius 70 mm"),
         ({"rod.stiffness": 1e5, "load_scatter": 0.1}, 6, "rod.jaw_along 650 mm"),
     ):
-        tell_borrowed(whole | part, Path("mine.toml"))
-        told = capsys.readouterr().err
+        (told,) = left_open(whole | part)
         assert f" {count} numbers to the PE250x400: " in told and words in told
 
 

@@ -253,7 +253,8 @@ def test_a_sweep_presses_the_rock_of_its_scene_file(tmp_path):
         kept = json.loads(grid.attrs["parameters"])
         found = float(grid.foundation_rms[1])
     assert kept["chamber.discharge"] == [0.06, "m"] and "motor_power" not in kept
-    right = jc.sweep({"speed": [30.0]}, 0, 1, base=scene | {"foundation.mass": 6000.0})
+    machine = jc.paper_machine(**scene, **{"foundation.mass": 6000.0})
+    right = jc.sweep(machine, {"speed": [30.0]}, 0, 1)
     # The paper's chamber is 40 % off.
     assert found == pytest.approx(float(right.foundation_rms[0]), rel=1e-6)
 

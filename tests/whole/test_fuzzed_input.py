@@ -22,9 +22,9 @@ from jaxcrusher import __main__
 from jaxcrusher.commands.crushers import read_crusher
 from jaxcrusher.commands.options import Crusher
 from jaxcrusher.files.program import parse
-from jaxcrusher.scenes.reader import described
+from jaxcrusher.scenes.described import read_machine
 from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS
-from jaxcrusher.scenes.reader import key_of
+from jaxcrusher.scenes.scene_file import key_of
 from optimize.run import search
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -282,7 +282,7 @@ def test_linkage_files_with_slips(text, tmp_path):
         (EXAMPLES / "double_toggle_load.csv").read_text()
     )
     try:
-        found = described(file)
+        found = read_machine(file)
     except BaseException as error:
         one_clear_line(error)
     else:

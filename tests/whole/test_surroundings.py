@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.scenes.linkages import read_linkage
 from tests.processes import ended
 
 FOUR_BAR = Path(__file__).parents[2] / "examples" / "four_bar.toml"
@@ -39,8 +38,8 @@ def seen(scene):
 
 
 def test_threads_find_the_same_bits():
-    drawing, values, _ = read_linkage(FOUR_BAR)
-    scenes = [drawing(**(values | {"speed": 30.0 + i})) for i in range(4)]
+    machine = jc.read_machine(FOUR_BAR)
+    scenes = [machine.scene(speed=30.0 + i) for i in range(4)]
     alone = [seen(one) for one in scenes]
     with ThreadPoolExecutor(4) as pool:
         beside = list(pool.map(seen, scenes))
@@ -63,9 +62,8 @@ def test_a_spawned_process_reads_the_same_machine_from_any_folder(scene, copied)
 
 
 def test_a_motion_from_the_middle_of_a_bore_computes_no_nan():
-    drawing, values, _ = read_linkage(FOUR_BAR)
     with jax.debug_nans(True):
-        seen(drawing(**(values | {"start": "centred"})))
+        seen(jc.read_machine(FOUR_BAR).scene(start="centred"))
 
 
 # Without assertions, and with a file where the home's folder of programs would be.
