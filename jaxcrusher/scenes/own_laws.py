@@ -17,7 +17,7 @@ import importlib
 import inspect
 import itertools
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +92,7 @@ def _imported(module: str, folder: Path) -> Any:
 
 
 def law_numbers(
-    values: Mapping[str, Any], known: Mapping[str, Parameter] = NUMBERS
+    values: Mapping[str, Any], known: Container[str] = NUMBERS
 ) -> dict[str, Parameter]:
     """Return the numbers, by name, of the laws of one's own that a description chooses.
 

@@ -319,7 +319,10 @@ def stages(found: Answer) -> Table:
 def fixed(found: Answer) -> Table:
     """Return the numbers and choices that were not free."""
     rows = [
-        (in_words(name), said(name, value, found.box.units) if name in NUMBERS else str(value))
+        (
+            in_words(name),
+            said(name, value, found.box.units) if isinstance(value, float) else str(value),
+        )
         for name, value in found.fixed.items()
     ]
     if found.box.derived_speed is None:

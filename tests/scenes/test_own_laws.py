@@ -10,7 +10,6 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.joint.friction import SurfaceSlip
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import NUMBERS
 from jaxcrusher.scenes.reader import read_overrides, read_scene_file
 
 SOURCE = '''
@@ -133,17 +132,20 @@ def test_a_scene_file_names_laws_and_their_numbers(laws, tmp_path):
     motion = jc.simulate(scene, [0.0], outputs=("crushing_load",))
     assert np.linalg.norm(motion.crushing_load[0]) == pytest.approx(9e3)
     # Without a default a step of one is taken, of what may be zero.
-    assert np.isnan(NUMBERS["contact.spring"].default) and NUMBERS["contact.spring"].scale == 1.0
+    machine = jc.read_machine(tmp_path / "scene.toml")
+    spring = machine.numbers["contact.spring"]
+    assert np.isnan(spring.default) and spring.scale == 1.0
     # A command line changes a number, in its unit.
-    assert read_overrides([("contact.damping", "30 kN s/m")]) == {"contact.damping": 3e4}
+    given = read_overrides([("contact.damping", "30 kN s/m")], machine)
+    assert given == {"contact.damping": 3e4}
     with pytest.raises(ValueError, match=r"`contact\.spring` must have a unit of the kind N/m"):
-        read_overrides([("contact.spring", "5 kN")])
+        read_overrides([("contact.spring", "5 kN")], machine)
     with pytest.raises(
         ValueError, match=r"`contact\.hertz` must have a unit of the kind N/m\^1\.5"
     ):
-        read_overrides([("contact.hertz", "5 kN/m")])
+        read_overrides([("contact.hertz", "5 kN/m")], machine)
     with pytest.raises(ValueError, match=r"`contact\.odd` must .* known unit, .* is in 'N/m\^3/2'"):
-        read_overrides([("contact.odd", "5 N/m^3/2")])
+        read_overrides([("contact.odd", "5 N/m^3/2")], machine)
 
 
 def test_a_whole_bearing_is_a_law(laws, tmp_path):

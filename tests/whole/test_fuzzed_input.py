@@ -22,9 +22,8 @@ from jaxcrusher import __main__
 from jaxcrusher.commands.crushers import read_crusher
 from jaxcrusher.commands.options import Crusher
 from jaxcrusher.files.program import parse
-from jaxcrusher.scenes.described import read_machine
-from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS
-from jaxcrusher.scenes.scene_file import key_of
+from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS, key_of
+from jaxcrusher.scenes.reader import read_machine
 from optimize.run import search
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
