@@ -14,7 +14,6 @@ from jaxcrusher.basics import setup
 from jaxcrusher.basics.setup import UnusualNumbers
 from jaxcrusher.commands.crushers import read_crusher
 from jaxcrusher.commands.options import Crusher
-from jaxcrusher.scenes.crusher import Crusher
 from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, PE250X400, openers, readable
 from jaxcrusher.scenes.plausibility import RATIOS, remarks
@@ -134,7 +133,8 @@ def test_a_command_tells_what_an_example_on_rollers_leaves(capsys):
 
 
 def left_open(values):
-    machine = Machine(Crusher(), values)  # whose numbers no crusher may have together
+    # No crusher may have such numbers together, so that none is made.
+    machine = Machine(jc.paper_machine().structure, values)
     return machine.structure.left_open(machine)
 
 
