@@ -398,7 +398,7 @@ def _spring(values: Mapping[str, Any], name: str, begin: str, end: str) -> Sprin
 
 
 class _Tables:
-    """The tables of a description, from which the drawing takes what ties it together.
+    """What a description has in its tables, from which the drawing takes what ties it together.
 
     Raises ValueError for an unknown key, with near misses, and for a table with a name that is no
     variable's.
@@ -406,68 +406,56 @@ class _Tables:
 
     def __init__(self, entries: Iterable[tuple[str, Any]], folder: Path):
         self.folder = folder
-        self.rest: list[tuple[str, Any]] = []  # numbers and choices, by name
-        self.tables: dict[str, dict[str, dict[str, Any]]] = {
-            name: {} for name in (*SECTIONS, "assembly")
-        }
+        # Numbers and choices, which are left in the end, and all else, by name.
+        self.entries: dict[str, Any] = {}
         for name, value in entries:
-            section, _, rest = name.partition(".")
-            if section not in self.tables or not rest:
-                self.rest.append((name, value))
-                continue
-            item, _, word = rest.partition(".")
-            table = self.tables[section].setdefault(item, {})
-            require(word not in table, name, "be given once", "given twice")
-            table[word] = value
+            require(name not in self.entries, name, "be given once", "given twice")
+            self.entries[name] = value
+        self.items = {
+            section: tuple(dict.fromkeys(n.split(".")[1] for n in self.entries if n.startswith(at)))
+            for section, at in ((section, f"{section}.") for section in SECTIONS)
+        }
         known = [
-            f"{section}.{item}.{word}".rstrip(".")
-            for section, words in SECTIONS.items()
-            for item in self.tables[section] or ("NAME",)
-            for word in words
+            *("kind", "crank", *TOP, *(f"assembly.{name}" for name in self.items["bodies"])),
+            *(
+                f"{section}.{item}.{word}".rstrip(".")
+                for section, words in SECTIONS.items()
+                for item in self.items[section] or ("NAME",)
+                for word in words
+            ),
         ]
-        known = ("crank", *TOP, *known, *(f"assembly.{name}" for name in self.tables["bodies"]))
-        named = [
-            f"{section}.{item}.{word}".rstrip(".")
-            for section in SECTIONS
-            for item, words in self.tables[section].items()
-            for word in words
-        ]
-        for name in (*(name for name, _ in self.rest), *named):
-            if key_of(name) not in (*known, "kind"):
+        own = {n.rpartition(".")[0] for n, value in self.entries.items() if is_own(n, value)}
+        for name in self.entries:
+            # The numbers of a law of one's own are known once it has been imported.
+            if key_of(name) not in known and name.rpartition(".")[0] not in own:
                 raise unknown(name, known)
-        for section in SECTIONS:
-            for item in self.tables[section]:
+        for section, items in self.items.items():
+            for item in items:
                 must = "be named by letters, digits and _, as results and MATLAB's variables are"
                 require(bool(_NAME.fullmatch(item)), f"{section}.{item}", must, repr(item))
 
-    def taken(self, name: str, otherwise: Any = None) -> Any:
-        """Return what stands outside of tables by a name, and leave it out of the numbers."""
-        found = dict(self.rest).get(name, otherwise)
-        self.rest = [(key, value) for key, value in self.rest if key != name]
-        return found
-
     def ties(self, section: str) -> tuple[Any, ...]:
         """Return each table's name and what ties it: bodies, and of a force the curve's points."""
-        return tuple((item, *self._ties(section, item)) for item in self.tables[section])
+        return tuple((item, *self._ties(section, item)) for item in self.items[section])
 
     def _ties(self, section: str, item: str) -> list[Any]:
-        given, at, found = self.tables[section][item], f"{section}.{item}", []
-        curved = "curve" in given
+        at, found = f"{section}.{item}", []
+        curved = f"{at}.curve" in self.entries
         for word, key in SECTIONS[section].items():
-            name, value = f"{at}.{word}".rstrip("."), given.pop(word, None)
-            if value is not None and not _stands(key, curved):
-                require(not key.without, name, f"not stand beside {at}.{key.without}", "given")
-                require(False, name, f"come with `{at}.{key.comes_with[0]}`", "alone")
+            name = f"{at}.{word}".rstrip(".")
+            if key.shape in ("number", "choice"):
+                continue
+            value = self.entries.pop(name, None)
             if key.shape == "body":
                 found.append(self.body(name, value))
             elif key.shape == "curve":
                 found.append(None if value is None else _curve(name, value, self.folder))
-            elif key.shape in ("pair", "point") and _stands(key, curved):
+            elif _stands(key, curved):
                 found += self.placed(name, key, value)
-            elif value is not None:
-                self.rest.append((name, value))
-        self.rest += [(f"{at}.{word}", value) for word, value in given.items()]  # diameters
-        if found[1:] and None not in found and section in ("joints", "springs"):
+            else:
+                must = f"not stand beside `{at}.curve`" if curved else f"come with `{at}.curve`"
+                require(value is None, name, must, "given" if curved else "alone")
+        if section in ("joints", "springs"):
             require(found[0] != found[1], at, "join two bodies", f"of {found[0]} alone")
         return found
 
@@ -476,30 +464,31 @@ class _Tables:
         if value is None and key.default is None:
             return []
         assert isinstance(key.of, Parameter)
-        unit, is_point = key.of.unit, key.shape == "point"
-        must = "be a point [body, x, y]" if is_point else f"be a pair [x, y] in {unit}"
+        is_point = key.shape == "point"
+        must = "be a point [body, x, y]" if is_point else f"be a pair [x, y] in {key.of.unit}"
         good = isinstance(value, list | tuple) and len(value) == 2 + is_point
         require(good, name, must, "missing" if value is None else repr(value))
         body = [self.body(name, value[0])] if is_point else []
-        self.rest += [(f"{name}.{axis}", one) for axis, one in zip("xy", value[-2:], strict=True)]
+        self.entries |= {f"{name}.x": value[-2], f"{name}.y": value[-1]}
         return body
 
     def body(self, name: str, body: Any) -> str:
         """Return a body's name, if there is such a body."""
-        known = (*self.tables["bodies"], FRAME)
+        known = (*self.items["bodies"], FRAME)
         must = f"name a body: {', '.join(known)}"
         require(body in known, name, must, "missing" if body is None else repr(body))
         return str(body)
 
     def sides(self, dyads: Iterable[Any]) -> tuple[tuple[int, ...], list[str]]:
         """Return the side of each dyad, seen from its first body, and which are not given: 1."""
-        given = {body: keys.get("", keys) for body, keys in self.tables["assembly"].items()}
+        named = [name for name in self.entries if name.startswith("assembly.")]
+        given = {name.partition(".")[2]: self.entries.pop(name) for name in named}
         for body, side in given.items():
             good = not isinstance(side, bool) and side in (-1, 1)
             require(good, f"assembly.{body}", "be 1 or -1", repr(side))
         sides, left = [], []
         for dyad in dyads:
-            slid = dyad.second_joint in self.tables["slides"]
+            slid = dyad.second_joint in self.items["slides"]
             seen = {dyad.first: 1, dyad.second: 1 if slid else -1}
             told = {seen[body] * given.pop(body) for body in seen if body in given}
             left += [] if told else [f"assembly.{dyad.first}"]
@@ -520,24 +509,21 @@ def drawn(
     for a key that is unknown, a body that there is not, and bodies that are no dyads.
     """
     tables = _Tables(entries, folder)
-    bodies = tuple(tables.tables["bodies"])
+    bodies = tables.items["bodies"]
     require(bool(bodies), "bodies", "have a table [bodies.NAME] each", "missing")
     require(FRAME not in bodies, "bodies", f"have other names than {FRAME!r}", repr(FRAME))
-    tables.taken("kind")
-    crank = str(tables.taken("crank", "missing"))
+    crank, _ = str(tables.entries.pop("crank", "missing")), tables.entries.pop("kind", None)
     must = f"name the body that the drive turns: {', '.join(bodies)}"
     require(crank in bodies, "crank", must, crank)
-    tables.ties("bodies")
-    joints, slides = tables.ties("joints"), tables.ties("slides")
+    _, *tied = (tables.ties(section) for section in SECTIONS)
+    joints, slides, forces, *_ = tied
     held = any({crank, FRAME} == {bore, pin} for _, bore, pin in joints)
     require(held, "crank", "have a joint to the frame", f"{crank!r} without one")
-    forces, springs, points = (tables.ties(name) for name in ("forces", "springs", "points"))
     for item, body, _ in forces:
         require(body != FRAME, f"forces.{item}.body", "be a body that moves", repr(FRAME))
     ends = (*joints, *((name, FRAME, body) for name, body in slides))
     sides, left = tables.sides(dyads_of(ends, tuple(n for n, _ in slides), bodies, crank))
-    drawing = Drawing(crank, bodies, joints, slides, forces, springs, points, sides)
-    return drawing, tables.rest, left
+    return Drawing(crank, bodies, *tied, sides), list(tables.entries.items()), left
 
 
 def _curve(name: str, given: Any, folder: Path) -> tuple:

@@ -91,9 +91,7 @@ def _imported(module: str, folder: Path) -> Any:
         return importlib.import_module(module)
 
 
-def law_numbers(
-    values: Mapping[str, Any], known: Container[str] = NUMBERS
-) -> dict[str, Parameter]:
+def law_numbers(values: Mapping[str, Any], known: Container[str] = NUMBERS) -> dict[str, Parameter]:
     """Return the numbers, by name, of the laws of one's own that a description chooses.
 
     A choice may be a row of several. What is `known` already is left out, as elbow.restitution.

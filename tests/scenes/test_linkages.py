@@ -10,8 +10,14 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.scene import crusher_of
+from jaxcrusher.mechanism.linkage import Point
+from jaxcrusher.mechanism.motion import Crank, moving
+from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.observables import kinetic_energy
+from jaxcrusher.scenes.build import build_machine
+from jaxcrusher.scenes.linkages import LEAST_LEVER, _levers
 from jaxcrusher.scenes.reader import linkage, read_machine, read_scene
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -219,7 +225,7 @@ REFUSED = {
                 }
             }
         },
-        "forces.gas.force` must not stand beside forces.gas.curve, but is given",
+        "forces.gas.force` must not stand beside `forces.gas.curve`, but is given",
     ),
     "a clearance beside its double": (
         {"joints": {"B": LOOSE | {"diametral_clearance": 2e-4}}},
@@ -237,7 +243,7 @@ REFUSED = {
     "a side of no dyad": ({"assembly": {"crank": 1}}, "assembly.crank` must name a body of a dyad"),
     "a side that is a table": (
         {"assembly": {"rod": {"x": 1}}},
-        "assembly.rod` must be 1 or -1, but is {'x': 1}",
+        "assembly.rod.x` must be a known key, but is not; did you mean assembly",
     ),
     "two sides of a dyad": (
         {"assembly": {"rod": 1, "slider": -1}},
@@ -644,3 +650,122 @@ def test_its_orbit_on_supports_is_that_of_late_turns():
 def test_what_is_a_crusher_s_alone_refuses_a_linkage():
     with pytest.raises(ValueError, match=r"be a crusher's, .* a LinkageScene"):
         crusher_of(linkage(**PLAIN))
+
+
+def loosened(joints, **clearances):
+    """Joints of which some have a clearance."""
+    loose = {name: {"clearance": c, "bore_radius": 0.05} for name, c in clearances.items()}
+    return {name: joint | loose.get(name, {}) for name, joint in joints.items()}
+
+
+FOUR_BAR = {
+    "crank": "crank",
+    "speed": 20.0,
+    "bodies": {name: {"mass": 1.0, "inertia": 0.01} for name in ("crank", "coupler", "rocker")},
+    "joints": {
+        "O": {"bore": ["frame", 0, 0], "pin": ["crank", 0, 0]},
+        "A": {"bore": ["coupler", 0, 0], "pin": ["crank", 0.05, 0]},
+        "B": {"bore": ["coupler", 0.2, 0], "pin": ["rocker", 0.15, 0]},
+        "C": {"bore": ["frame", 0.22, 0], "pin": ["rocker", 0, 0]},
+    },
+}
+SIX_BAR = FOUR_BAR | {
+    "bodies": FOUR_BAR["bodies"]
+    | {name: {"mass": 1.0, "inertia": 0.01} for name in ("rod", "slider")},
+    "joints": FOUR_BAR["joints"]
+    | {
+        "D": {"bore": ["rod", 0, 0], "pin": ["rocker", 0.1, 0.05]},
+        "E": {"bore": ["rod", 0.12, 0], "pin": ["slider", 0, 0]},
+    },
+    "slides": {"guide": {"body": "slider", "along": [1, 0], "through": [0, 0.06]}},
+}
+CLEARANCES = {"O": 1e-3, "A": 2e-3, "B": 1.5e-3, "C": 0.5e-3, "D": 1e-3, "E": 2e-3}
+
+
+def levers_by_random_eccentricities(scene, clearances, count=200):
+    """The least sine of each dyad by pins at the rims of their bores, at every third degree."""
+    held, angles = scene.linkage, jnp.radians(jnp.arange(0.0, 360.0, 3.0))
+    radius = jnp.array(list(clearances.values()))
+
+    def one(angle, turned):
+        places = [
+            Vector(r * jnp.cos(t), r * jnp.sin(t)) for r, t in zip(radius, turned, strict=True)
+        ]
+        e = Named(dict(zip(clearances, places, strict=True)))
+        motion = moving(held, Crank(angle, jnp.zeros(())), e, Named())
+        found = []
+        for dyad in held.dyads:
+            ends = [(dyad.first, dyad.meeting), (dyad.first, dyad.first_joint)]
+            ends += [(dyad.second, dyad.meeting), (dyad.second, dyad.second_joint)]
+            spots = [
+                motion.position(Point(body, held.side_of(joint, body)))
+                for body, joint in ends
+                if joint not in held.slides
+            ]
+            u = spots[0] - spots[1]
+            upright = dyad.second_joint in held.slides
+            v = held.slide("guide").direction.perp() if upright else spots[2] - spots[3]
+            found.append(jnp.abs(u.cross(v)) / jnp.sqrt(u.dot(u) * v.dot(v)))
+        return jnp.stack(found)
+
+    turned = 2 * jnp.pi * jax.random.uniform(jax.random.key(0), (count, len(clearances)))
+    every = jax.jit(jax.vmap(jax.vmap(one, (None, 0)), (0, None)))(angles, turned)
+    return angles, np.asarray(every).min(axis=1)
+
+
+@pytest.mark.parametrize(("drawing", "off"), [(FOUR_BAR, 0.7), (SIX_BAR, 0.3)])
+def test_levers_with_all_clearances_are_bounds(drawing, off):
+    """No pins go beyond them; of one dyad those at the rims come near, of two the bound is wide."""
+    clearances = {name: c for name, c in CLEARANCES.items() if name in drawing["joints"]}
+    loose = drawing | {"joints": loosened(drawing["joints"], **clearances)}
+    scene = linkage(**loose)
+    angles, seen = levers_by_random_eccentricities(scene, clearances)
+    bounds = _levers(scene.linkage, clearances, angles)
+    for i, (ideal, least) in enumerate(bounds):
+        assert np.isfinite(seen[:, i]).all() and (seen[:, i] >= least - 1e-12).all()
+        assert (np.asarray(least) < ideal).all()
+        # Two hundred draws of four to six directions come to half of the way, of one dyad.
+        nearest = np.max((ideal - seen[:, i]) / (ideal - least))
+        assert nearest > off
+
+
+def test_links_close_with_all_clearances_at_once():
+    """As `Machine.require_assembly` says of the same crusher, to the least lever that is taken."""
+
+    def crusher(toggle):
+        build_machine({"toggle.length": toggle}).require_assembly(4e-3)
+
+    def drawn(toggle):
+        joints = {
+            "O": {"bore": ["frame", *bearing], "pin": ["shaft", 0, 0]},
+            "A": {"bore": ["jaw", 0, 0], "pin": ["shaft", 0.01, 0]},
+            "B": {"bore": ["jaw", 0.695, 0], "pin": ["toggle", toggle, 0]},
+            "C": {"bore": ["frame", 0, 0], "pin": ["toggle", 0, 0]},
+        }
+        bodies = {name: {"mass": 9.0, "inertia": 1.0} for name in ("shaft", "jaw", "toggle")}
+        joints = loosened(joints, **dict.fromkeys("OABC", 1e-3))
+        linkage(crank="shaft", speed=30.0, bodies=bodies, joints=joints)
+
+    bearing = 0.64 * np.sin(np.pi / 8), 0.64 * np.cos(np.pi / 8)
+    nearest = 0.64 - 0.01 - 4e-3  # of C and A
+    for bad, limit in ((0.04, 0.695 - nearest), (1.5, 0.695 + nearest)):
+        found = []
+        for make in (crusher, drawn):
+            low, high = bad, 0.3
+            for _ in range(25):
+                middle = (low + high) / 2
+                try:
+                    make(middle)
+                except ValueError as error:
+                    assert re.search("let the links close|let jaw and toggle meet", str(error))
+                    low = middle
+                else:
+                    high = middle
+            found.append(low)
+        with pytest.raises(ValueError, match="with all clearances, but is at a dead point"):
+            drawn(found[1])
+        assert found[0] == pytest.approx(limit, abs=1e-7)  # twenty-five halves of a metre
+        # At a sine s of the links' angle they are s^2 l2 l3 / (2 nearest) off their dead point, and
+        # a degree of the crank away from the nearest distance less than 2e-6 m.
+        early = LEAST_LEVER**2 * 0.695 * limit / (2 * nearest)
+        assert abs(found[1] - found[0]) == pytest.approx(early, rel=0.02, abs=2e-6)
