@@ -29,11 +29,10 @@ and a slider meet ahead (1) or behind (-1) along the slide. The dyads follow fro
 Numbers are named by their place, as `joints.B.clearance` and `bodies.rod.mass_centre.x`.
 """
 
-import dataclasses
 import operator
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -51,6 +50,7 @@ from jaxcrusher.basics.checks import (
     require_choice,
 )
 from jaxcrusher.basics.plane import Arm, Vector
+from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AmbrosioFriction
 from jaxcrusher.mechanism.acting import AbstractPush, Push, PushByAngle, Spring
@@ -69,7 +69,6 @@ from jaxcrusher.scenes.parameters import (
     CHOICES_OF_A_JOINT,
     NUMBERS_OF_A_JOINT,
     PARAMETERS,
-    Needed,
     Parameter,
     check_number,
     complete,
@@ -88,16 +87,17 @@ NEEDED = object()
 class Key:
     """A key of a description: a number, the laws to choose from, or None for what ties bodies.
 
-    `shape` says how it is written: as a "number", a "choice", a "pair" of numbers, a "point" (a
-    body and a pair), a "body" or a "curve". It stands where one of `comes_with` is there, a key or
-    a key with its choice, and never beside the key `without`. A default of None may be left out.
+    What is no single number or choice has a `shape`: a "pair" of numbers, a "point" (a body and a
+    pair), a "body" or a "curve". A key stands where one of `comes_with` is there, a key or a key
+    with its choice, and if `by_curve` is not None in tables with a curve alone, or without one. One
+    whose default is None may be left out.
     """
 
     of: Parameter | tuple[str, ...] | None
-    shape: str = "number"
+    shape: str = ""
     default: Any = NEEDED
     comes_with: tuple[str, ...] = ()
-    without: str = ""
+    by_curve: bool | None = None
 
 
 def _usual(name: str, *comes_with: str) -> Key:
@@ -105,13 +105,8 @@ def _usual(name: str, *comes_with: str) -> Key:
     return Key(PARAMETERS[name], default=PARAMETERS[name].default, comes_with=comes_with)
 
 
-def _of_joint(default: float, unit: str, meaning: str) -> Key:
-    """A number of a loose joint that the paper's joint does not have."""
-    return Key(Parameter(default, unit, meaning), default=default, comes_with=("clearance",))
-
-
-_ANYWHERE = (-1e3, 1e3)
-_PLACE = Parameter(0.0, "m", "of a point in its body's axes", _ANYWHERE, 1.0)
+_LOOSE = ("clearance",)
+_PLACE = Parameter(0.0, "m", "of a point in its body's axes", (-1e3, 1e3), 1.0)
 _DIRECTION = Parameter(0.0, "1", "of a direction", (-1e6, 1e6), 1.0)
 _FORCE = Parameter(0.0, "N", "of a force in the frame's axes", (-1e12, 1e12), 1e3)
 # Section of a file -> the keys of each of its tables. A body, a curve and the body of a point tie
@@ -125,19 +120,12 @@ SECTIONS: dict[str, dict[str, Key]] = {
     "joints": {
         "bore": Key(_PLACE, "point"),
         "pin": Key(_PLACE, "point"),
-        "clearance": Key(
-            Parameter(0.06e-3, "m", "radial clearance c of the joint"), "number", None
-        ),
-        "bore_radius": Key(
-            Parameter(0.13, "m", "radius R_i of the bore"), comes_with=("clearance",)
-        ),
-        **{n: _usual(n, "clearance") for n in NUMBERS_OF_A_JOINT[2:]},
-        "static_speed": _of_joint(0.1, "m/s", "v0 of the friction law"),
-        "full_speed": _of_joint(1.0, "m/s", "v1 of the friction law"),
-        **{
-            name: Key(laws, "choice", laws[0], ("clearance",))
-            for name, laws in (CHOICES_OF_A_JOINT | {"contact_law": CHOICES["contact_law"]}).items()
-        },
+        "clearance": Key(Parameter(0.06e-3, "m", "radial clearance c"), default=None),
+        "bore_radius": Key(Parameter(0.13, "m", "radius R_i of the bore"), "", NEEDED, _LOOSE),
+        **{n: _usual(n, *_LOOSE) for n in NUMBERS_OF_A_JOINT[2:]},
+        "static_speed": Key(Parameter(0.1, "m/s", "v0 of the friction law"), "", 0.1, _LOOSE),
+        "full_speed": Key(Parameter(1.0, "m/s", "v1 of the friction law"), "", 1.0, _LOOSE),
+        **{n: Key(CHOICES[n], "", CHOICES[n][0], _LOOSE) for n in CHOICES_OF_A_JOINT},
         **{n: _usual(n, "contact_law=rollers") for n in PARAMETERS if n.startswith("rollers.")},
     },
     "slides": {
@@ -149,8 +137,8 @@ SECTIONS: dict[str, dict[str, Key]] = {
         "body": Key(None, "body"),
         "curve": Key(None, "curve", None),
         "at": Key(_PLACE, "pair", None),
-        "force": Key(_FORCE, "pair", without="curve"),
-        "along": Key(_DIRECTION, "pair", comes_with=("curve",)),
+        "force": Key(_FORCE, "pair", by_curve=False),
+        "along": Key(_DIRECTION, "pair", by_curve=True),
     },
     "springs": {
         "begin": Key(_PLACE, "point"),
@@ -173,7 +161,7 @@ TOP: dict[str, Key] = {
     "gravity": Key(PARAMETERS["gravity"], default=None),
     "speed_fluctuation": Key(PARAMETERS["speed_fluctuation"], default=None),
     **{n: _usual(n, "speed_fluctuation") for n in ("fluctuation_order", "fluctuation_phase")},
-    **{n: Key(CHOICES[n], "choice", None) for n in ("start", "formulation")},
+    **{n: Key(CHOICES[n], default=None) for n in ("start", "formulation")},
     "foundation.mass": Key(PARAMETERS["foundation.mass"], default=None),
     **{n: _usual(n, "foundation.mass", *_G) for n in _G},
     **{
@@ -182,6 +170,13 @@ TOP: dict[str, Key] = {
         if n not in ("foundation.mass", *_G)
     },
 }
+_PLACED = ("pair", "point")
+# Numbers of a joint of which the first is less than the second.
+_LESS = (
+    ("clearance", "bore_radius"),
+    ("static_speed", "full_speed"),
+    ("rollers.diameter", "rollers.pitch_diameter"),
+)
 _OF_SPRING = ("stiffness", "length", "damping", "preload")
 _NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
 
@@ -234,12 +229,16 @@ class Drawing(AbstractStructure):
         """Return the numbers and choices that the linkage may have, by name."""
         found, curved = dict(TOP), {name for name, _, curve in self.forces if curve is not None}
         for section, words in SECTIONS.items():
-            items = [one if section == "bodies" else one[0] for one in getattr(self, section)]
-            for item in items:
-                by_curve = section == "forces" and item in curved
+            for item in (one if section == "bodies" else one[0] for one in getattr(self, section)):
+                stands = (None, section == "forces" and item in curved)
                 for word, key in words.items():
-                    if key.of is not None and _stands(key, by_curve):
-                        found |= _named(f"{section}.{item}.", word, key)
+                    at, opening = f"{section}.{item}.", key.comes_with
+                    own = replace(key, comes_with=tuple(at + one for one in opening))
+                    if key.shape in _PLACED and key.by_curve in stands:
+                        zero = replace(own, default=None)
+                        found |= {f"{at}{word}".rstrip(".") + axis: zero for axis in (".x", ".y")}
+                    elif not key.shape:
+                        found[at + word] = own
         return found
 
     def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -253,10 +252,7 @@ class Drawing(AbstractStructure):
         for name in values:
             if name not in keys and name not in numbers:
                 raise unknown(name, (*numbers, *self.choices(values)))
-        defaults = {
-            name: Needed(numbers[name].unit) if key.default is NEEDED else key.default
-            for name, key in keys.items()
-        }
+        defaults = {n: key.of if key.default is NEEDED else key.default for n, key in keys.items()}
         return filled(values, defaults, lambda name: keys[name].comes_with if name in keys else ())
 
     def _within_limits(self, values: dict[str, Any]) -> dict[str, Any]:
@@ -268,14 +264,12 @@ class Drawing(AbstractStructure):
                 check_number(name, value, numbers)
             elif not is_own(name, value):
                 require_choice(name, value, choices[name])
-        pairs = (("clearance", "bore_radius"), ("static_speed", "full_speed"))
-        pairs += (("rollers.diameter", "rollers.pitch_diameter"),)
-        of_joints = [
+        pairs = [
             (f"joints.{joint}.{one}", operator.lt, f"joints.{joint}.{other}")
             for joint, *_ in self.joints
-            for one, other in pairs
+            for one, other in _LESS
         ]
-        return within_limits(values, numbers, of_joints)
+        return within_limits(values, numbers, pairs)
 
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
         """Return those of its tables, and of the laws of one's own that the values name."""
@@ -288,8 +282,8 @@ class Drawing(AbstractStructure):
 
     def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values but for the zeros of points and directions, which are never traced."""
-        both = {**given, **over}
-        return {n: v for n, v in both.items() if v != 0 or n[-2:] not in (".x", ".y")}
+        both, places = {**given, **over}, {n for n, key in self.keys.items() if key.shape}
+        return {name: value for name, value in both.items() if value != 0 or name not in places}
 
     def unusual(self, values: Mapping[str, Any]) -> list[str]:
         """Return what may be a slip of the frame, of gravity and of loose joints."""
@@ -298,10 +292,14 @@ class Drawing(AbstractStructure):
 
     def left_open(self, machine: Machine) -> list[str]:
         """Return which numbers and sides the file leaves to defaults."""
-        values, names = machine.values, machine.defaults
-        told = [f"{n} {said(n, values[n], machine.units)}" for n in names if n in values]
-        told += [f"{name} 1" for name in names if name not in values]
+        values = machine.values
+        told = [f"{n} {said(n, values.get(n, 1), machine.units)}" for n in self._assumed(machine)]
         return [f"leaves {len(told)} numbers to defaults: {', '.join(told)}."] if told else []
+
+    def _assumed(self, machine: Machine) -> list[str]:
+        """Return the numbers of loose joints and the sides that a machine leaves to defaults."""
+        left = (n for n in machine.values if n in machine.numbers and n not in machine.given)
+        return [*(name for name in left if name.startswith("joints.")), *machine.defaults]
 
     def about(self, machine: Machine) -> dict[str, str]:
         """Return its masses and its foundation, and what is left to defaults."""
@@ -310,7 +308,7 @@ class Drawing(AbstractStructure):
         return {
             "masses": all_said(masses, machine.units),
             "foundation": all_said(given, machine.units) or "clamped",
-            "assumed": ", ".join(machine.defaults) or "nothing",
+            "assumed": ", ".join(self._assumed(machine)) or "nothing",
         }
 
     @property
@@ -340,20 +338,6 @@ class Drawing(AbstractStructure):
         return next(n for n, *both in self.joints if {self.crank, FRAME} == set(both))
 
 
-def _stands(key: Key, curved: bool) -> bool:
-    """Return whether a key may stand in a table that has a curve, or has none."""
-    return not key.without if curved else "curve" not in key.comes_with
-
-
-def _named(prefix: str, word: str, key: Key) -> dict[str, Key]:
-    """Return a key's numbers or its choice by name; those of a pair may be left out, and are 0."""
-    opening = tuple(prefix + one for one in key.comes_with if one != "curve")
-    if key.shape in ("number", "choice"):
-        return {prefix + word: dataclasses.replace(key, comes_with=opening)}
-    zero = dataclasses.replace(key, default=None, comes_with=opening)
-    return {f"{prefix}{word}".rstrip(".") + axis: zero for axis in (".x", ".y")}
-
-
 def _arm(values: Mapping[str, Any], name: str) -> Arm:
     """Return a point of a body; a number that is not given is zero, and is never traced."""
     return Arm(values.get(f"{name}.x"), values.get(f"{name}.y"))
@@ -379,8 +363,8 @@ def _bearing(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     if static is not None and full is not None:
         good = bool((static < full).all())
         require(good, f"{prefix}static_speed", f"be less than full_speed {full} m/s", static)
-    friction = dataclasses.replace(bearing.friction, **speeds)
-    return dataclasses.replace(bearing, friction=friction)
+    friction = replace(bearing.friction, **speeds)
+    return replace(bearing, friction=friction)
 
 
 def _push(values: Mapping[str, Any], name: str, body: str, curve: tuple | None) -> AbstractPush:
@@ -443,14 +427,14 @@ class _Tables:
         curved = f"{at}.curve" in self.entries
         for word, key in SECTIONS[section].items():
             name = f"{at}.{word}".rstrip(".")
-            if key.shape in ("number", "choice"):
+            if not key.shape:
                 continue
             value = self.entries.pop(name, None)
             if key.shape == "body":
                 found.append(self.body(name, value))
             elif key.shape == "curve":
                 found.append(None if value is None else _curve(name, value, self.folder))
-            elif _stands(key, curved):
+            elif key.by_curve in (None, curved):
                 found += self.placed(name, key, value)
             else:
                 must = f"not stand beside `{at}.curve`" if curved else f"come with `{at}.curve`"
@@ -540,89 +524,54 @@ def _curve(name: str, given: Any, folder: Path) -> tuple:
 LEAST_LEVER = 0.02
 
 
-class _Reach(eqx.Module):
-    """How far a body may be from where ideal joints have it, by all eccentricities together."""
-
-    place: Vector  # of a point of the body
-    moved: Any  # by which that point may be off, m
-    turned: Any  # the angle by which the body may be turned, rad
-
-    def at(self, point: Vector) -> Any:
-        """Return by how much another point of the body may be off."""
-        apart = point - self.place
-        return self.moved + 2 * jnp.sqrt(apart.dot(apart)) * jnp.sin(self.turned / 2)
-
-
 @eqx.filter_jit
 def _levers(linkage: Linkage, clearances: Mapping[str, Any], angles: Any) -> list[tuple]:
     """Return that sine of each dyad at angles of the crank, and the least by all eccentricities.
 
     It is NaN where a dyad is open. The pin of a loose joint is anywhere in its clearance, so that
-    the outer joints of a dyad may come nearer to each other or farther apart by the sum of what
-    moves them and of the three clearances. The least sine and the greatest turn of each link are
-    those of the ends of that interval, but for the distance at which a link stands at right angles
-    to the line of the outer joints.
+    the outer joints of a dyad come nearer to each other, or farther apart, by `total` at most: by
+    what moves them, and by the clearances of its three joints. The least sine is that of an end of
+    that interval. Where it is s, a link of length l turns by total / (l s) at most on the way.
     """
 
     def play(*joints: str) -> Any:
         return sum(clearances.get(name, 0.0) for name in joints)
 
     def one(angle: Any) -> list[tuple]:
-        motion = ideal_at_rest(linkage, angle)
+        motion, found = ideal_at_rest(linkage, angle), []
         zero = Vector(jnp.zeros(()), jnp.zeros(()))
-        reach = {FRAME: _Reach(zero, 0.0, 0.0)}
-        reach[linkage.crank] = _Reach(zero, play(linkage.bearing), 0.0)
-        found = []
+        # Body -> one of its points, by how much that may be off, m, and the body be turned, rad.
+        reach = {FRAME: (zero, 0.0, 0.0), linkage.crank: (zero, play(linkage.bearing), 0.0)}
 
         def outer(joint: str, body: str) -> tuple[Vector, Any]:
-            place = motion.position(Point(body, linkage.side_of(joint, body)))
-            return place, reach[other_body(linkage.ends, joint, body)].at(place) + play(joint)
+            at = motion.position(Point(body, linkage.side_of(joint, body)))
+            place, off, turned = reach[other_body(linkage.ends, joint, body)]
+            return at, off + norm(at - place, 0.0) * turned + play(joint)
 
         for dyad in linkage.dyads:
             meeting = motion.position(Point(dyad.first, linkage.side_of(dyad.meeting, dyad.first)))
             begin, off = outer(dyad.first_joint, dyad.first)
-            u = meeting - begin
-            length = jnp.sqrt(u.dot(u))
+            u, total = meeting - begin, off + play(dyad.meeting)
+            length = norm(u, 0.0)
             if dyad.second_joint in linkage.slides:
-                ahead = linkage.slide(dyad.second_joint).direction
-                share, total = jnp.abs(ahead.cross(u)) / length, off + play(dyad.meeting)
-                least = share + total / length
-                turned = jnp.arcsin(jnp.minimum(least, 1.0)) - jnp.arcsin(share)
-                found.append((jnp.sqrt(1 - share**2), jnp.sqrt(1 - least**2)))
-                slid = total + 2 * length * jnp.sin(turned / 2)
-                reach[dyad.second] = _Reach(meeting, slid, 0.0)
+                end, off_end, other = meeting, off, None  # which slides
+                share = jnp.abs(linkage.slide(dyad.second_joint).direction.cross(u)) / length
+                cosines = jnp.array([share, share + total / length])
             else:
                 end, off_end = outer(dyad.second_joint, dyad.second)
-                v, span = end - meeting, end - begin
-                other, apart = jnp.sqrt(v.dot(v)), jnp.sqrt(span.dot(span))
-                total = off + off_end + play(dyad.meeting)
-                near, far = jnp.maximum(apart - total, 0.0), apart + total
-                levers = _lever(length, other, jnp.array([apart, near, far]))
-                found.append((levers[0], jnp.min(levers)))
-                swing = jnp.arcsin(jnp.minimum(total / apart, 1.0))
-                turned = swing + _turn(length, other, apart, near, far)
-                turned_other = swing + _turn(other, length, apart, near, far)
-                reach[dyad.second] = _Reach(end, off_end, turned_other)
-            reach[dyad.first] = _Reach(begin, off, turned)
+                other, apart = norm(end - meeting, 0.0), norm(end - begin, 0.0)
+                total = total + off_end
+                spans = jnp.array([apart, jnp.maximum(apart - total, 0.0), apart + total])
+                cosines = (length**2 + other**2 - spans**2) / (2 * length * other)
+            levers = jnp.sqrt(1 - cosines**2)
+            least = jnp.min(levers)
+            found.append((levers[0], least))
+            reach[dyad.first] = begin, off, total / (length * least)
+            slid = meeting, total + total / least, 0.0
+            reach[dyad.second] = slid if other is None else (end, off_end, total / (other * least))
         return found
 
     return jax.vmap(one)(angles)
-
-
-def _lever(length: Any, other: Any, apart: Any) -> Any:
-    """Return the sine of the angle between two links whose outer joints are apart; NaN: open."""
-    return jnp.sqrt(1 - ((length**2 + other**2 - apart**2) / (2 * length * other)) ** 2)
-
-
-def _turn(length: Any, other: Any, apart: Any, near: Any, far: Any) -> Any:
-    """Return by how much a link may turn against the line of the outer joints, rad."""
-
-    def base(at: Any) -> Any:
-        cosine = (at**2 + length**2 - other**2) / (2 * at * length)
-        return jnp.arccos(jnp.clip(cosine, -1.0, 1.0))
-
-    upright = jnp.clip(jnp.sqrt(jnp.maximum(length**2 - other**2, 0.0)), near, far)
-    return jnp.max(jnp.abs(base(jnp.array([near, far, upright])) - base(apart)))
 
 
 def require_closing(linkage: Linkage, clearances: Mapping[str, Any]) -> None:

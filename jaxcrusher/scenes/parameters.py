@@ -360,13 +360,6 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     return filled(values, left, openers)
 
 
-@dataclass(frozen=True)
-class Needed:
-    """In the place of a default: the number, in a unit, has to be given."""
-
-    unit: str
-
-
 def filled(
     values: Mapping[str, Any],
     defaults: Mapping[str, Any],
@@ -375,9 +368,9 @@ def filled(
     """Return values with the default of each name that they lack, if one of its openers is there.
 
     An opener is a name, or a name with a choice; what has no openers is always there. A name whose
-    default is None may be left out.
+    default is None may be left out. One that has no default has its `Parameter` there.
 
-    Raises ValueError for a name without any of its openers, and for one that is `Needed`.
+    Raises ValueError for a name without any of its openers, and for one that has no default.
     """
     there = {*values, *(f"{name}={v}" for name, v in values.items() if isinstance(v, str))}
 
@@ -391,7 +384,7 @@ def filled(
     for name, default in defaults.items():
         if name in values or default is None or not belongs(name):
             continue
-        if isinstance(default, Needed):
+        if isinstance(default, Parameter):
             with_it = "".join(f" with `{one}`" for one in openers(name)[:1])
             require(False, name, f"be given in {default.unit}{with_it}", "missing")
         found[name] = default

@@ -350,7 +350,7 @@ def _unusual(
         given = ", ".join(f"{name} {readable(name, number, known)}" for name, number in told)
         count = digits_apart(ratio, low if ratio < low else high, 3)
         rounded = (float(f"{value:.{count}g}") for value in (ratio, low, high))
-        texts = (f"{value:.16g} {rule.unit}".rstrip() for value in rounded)
+        texts = (f"{value:.15g} {rule.unit}".rstrip() for value in rounded)
         said = "{} is {}, usually {} to {} ({})".format(rule.title, *texts, rule.source)
         yield rule, said, given, least <= ratio <= most
 

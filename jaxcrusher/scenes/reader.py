@@ -23,7 +23,6 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -136,13 +135,9 @@ def kind_of(path: Path | None) -> str:
 
     Raises ValueError for another one.
     """
+    kind = dict(() if path is None else read_entries(path)).get("kind", KINDS[0])
     with naming(path):
-        return _kind(() if path is None else read_entries(path))
-
-
-def _kind(entries: Iterable[tuple[str, Any]]) -> str:
-    kind = dict(entries).get("kind", KINDS[0])
-    require_choice("kind", kind, KINDS)
+        require_choice("kind", kind, KINDS)
     return kind
 
 
@@ -154,30 +149,27 @@ def _read(
 ) -> Machine:
     """Return the machine of entries and of what overrides them; its scene is not made yet."""
     entries, overrides = list(entries), list(overrides)
-    folder = Path() if path is None else path.parent
+    folder, crushes = Path() if path is None else path.parent, True
     with naming(path):
-        if _kind(entries) == "linkage":
-            structure, entries, left = drawn(entries, folder)
-        else:
-            structure, left = Crusher(), []
-            entries = [(name, value) for name, value in entries if name != "kind"]
-        known, given, written = Machine(structure, _laws(entries, folder)), {}, {}
-        for name, value in entries:
+        structure, left, rest = Crusher(), (), [one for one in entries if one[0] != "kind"]
+        kind = dict(entries).get("kind", KINDS[0])
+        require_choice("kind", kind, KINDS)
+        if kind == "linkage":
+            (structure, rest, left), crushes = drawn(entries, folder), False
+        known, written = Machine(structure, _laws(rest, folder)), {}
+        for name, _ in rest:
             key = _key(name, known)
-            if isinstance(structure, Crusher):
+            if crushes:
                 refuse_others(key)
-            other = written.setdefault(key, name)
+            other = written.get(key, name)
             require(other == name, name, f"not stand beside `{other}`", "given")
-            require(key not in given, key, "be given once", "given twice")
-            given[key] = _value(name, value, known, number, folder)
+            require(key not in written, name, "be given once", "given twice")
+            written[key] = name
+        given = {_key(n, known): read_value(n, one, folder, known, number) for n, one in rest}
     over = read_overrides(overrides, known)
-    with naming(path, {**given, **over} if isinstance(structure, Crusher) else NUMBERS):
+    with naming(path, {**given, **over} if crushes else NUMBERS):
         values = structure.merged(given, over)
-        found = Machine(structure, values, units_of(entries) | units_of(overrides))
-        if isinstance(structure, Crusher):
-            return found
-        own = [n for n in found.values if n.startswith("joints.") and n not in values]
-        return replace(found, defaults=(*(n for n in own if n in found.numbers), *left))
+    return Machine(structure, values, units_of(rest) | units_of(overrides), tuple(left))
 
 
 def _laws(entries: Iterable[tuple[str, Any]], folder: Path = Path()) -> dict[str, str]:
@@ -244,20 +236,20 @@ def _slip(text: str, error: str) -> str:
 
 
 def read_value(
-    name: str, value: Any, folder: Path = Path(), machine: Machine = PAPER
+    name: str,
+    value: Any,
+    folder: Path = Path(),
+    machine: Machine = PAPER,
+    number: Number = number_in,
 ) -> float | str:
     """Return a value by its dotted name, as TOML has it: a quantity, a number, a choice, a file.
 
-    A diameter is halved; a file is looked for from `folder`. Raises ValueError as
-    `read_scene_file` does.
+    A diameter is halved; a file is looked for from `folder`; `number` reads numbers. Raises
+    ValueError as `read_scene_file` does.
     """
-    return _value(name, value, machine, number_in, folder)
-
-
-def _value(name: str, value: Any, machine: Machine, number: Number, folder: Path) -> float | str:
     if (key := _key(name, machine)) != name:
         with renamed(**{key: name}):
-            return float(_value(key, value, machine, number, folder)) / 2
+            return float(read_value(key, value, folder, machine, number)) / 2
     if name in machine.choices:
         if is_own(name, value):
             law_class(name, value, folder)

@@ -12,6 +12,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.scene import crusher_of
+from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.linkage import Point
 from jaxcrusher.mechanism.motion import Crank, moving
 from jaxcrusher.mechanism.named import Named
@@ -243,7 +244,7 @@ REFUSED = {
     "a side of no dyad": ({"assembly": {"crank": 1}}, "assembly.crank` must name a body of a dyad"),
     "a side that is a table": (
         {"assembly": {"rod": {"x": 1}}},
-        "assembly.rod.x` must be a known key, but is not; did you mean assembly",
+        "assembly.rod.x` must be a known key, but is not; did you mean",
     ),
     "two sides of a dyad": (
         {"assembly": {"rod": 1, "slider": -1}},
@@ -355,7 +356,7 @@ def test_a_file_is_named_where_it_is_refused(tmp_path):
         (
             'clearance = "0.1 mm"',
             "bore_diameter = 0.02",
-            "bore_diameter` must not stand beside",
+            "bore_radius` must not stand beside",
         ),
         ('clearance = "0.1 mm"', "diametral_clearance = 1", "diametral_clearance` must have a uni"),
         ("[joints.B]", "[joints.A]", "is not TOML: Cannot declare"),
@@ -769,3 +770,90 @@ def test_links_close_with_all_clearances_at_once():
         # a degree of the crank away from the nearest distance less than 2e-6 m.
         early = LEAST_LEVER**2 * 0.695 * limit / (2 * nearest)
         assert abs(found[1] - found[0]) == pytest.approx(early, rel=0.02, abs=2e-6)
+
+
+def test_a_joint_may_have_rollers():
+    """Their numbers are keys of the joint; what they lack is the main bearing's of a crusher."""
+    rollers = {"count": 20.0, "diameter": "5 mm", "pitch_diameter": 0.03, "length": 0.01}
+    joint = LOOSE | {"contact_law": "rollers", "rollers": rollers, "bore_radius": 0.02}
+    scene = linkage(**changed(joints={"B": joint}))
+    bearing = scene.joints["B"]
+    assert isinstance(bearing, RollerBearing) and float(bearing.roller_diameter) == 5e-3
+    assert float(bearing.normal.count) == 2 * 20.0  # of two bearings
+    motion = jc.simulate(scene, np.linspace(0, 0.02, 5), outputs=("B_reaction",))
+    assert np.isfinite(np.asarray(motion.B_reaction)).all()
+    for other, words in (
+        ({"contact_law": "hertz"}, "joints.B.contact_law` must be one of"),
+        ({"contact_law": "flores"}, "joints.B.rollers.count` must come with `joints.B.contact_law"),
+        ({"rollers": {"wheels": 3.0}}, "joints.B.rollers.wheels` must be a known key"),
+        ({"rollers": {"diameter": 0.3}}, "rollers.diameter` must be smaller than the pitch"),
+    ):
+        with pytest.raises(ValueError, match=re.escape(words)):
+            linkage(**changed(joints={"B": joint | other}))
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        (
+            {"joints": {"B": LOOSE | {"clearance": 1e-6 * 0.9}}},
+            "clearance / joints.B.bore_radius",
+        ),
+        ({"joints": {"B": LOOSE | {"young": 207e6}}}, "joints.B.young is 0.207 GPa, usually 40"),
+        ({"gravity": 98.1}, "gravity is 98.1 m/s2, usually 9.76 m/s2 to 9.84"),
+    ],
+)
+def test_what_may_be_a_slip_is_told_of_a_linkage_too(parts, words):
+    """Gravity may be zero: a mechanism that lies feels none."""
+    assert jc.linkage_machine(**changed(joints={"B": LOOSE})).unusual() == []
+    (line,) = jc.linkage_machine(**changed(**parts)).unusual()
+    assert words in line and line.endswith("meant?")
+
+
+def test_what_cannot_be_is_refused_of_a_linkage_too():
+    frame = SUPPORTS | {"vertical_stiffness": 3e-7}
+    with pytest.raises(ValueError, match=r"foundation\.vertical_stiffness` must be possible"):
+        jc.linkage_machine(**changed(foundation=frame)).unusual()
+    wide = LOOSE | {"clearance": 4e-3}
+    with pytest.raises(ValueError, match=r"joints\.B\.clearance` must be possible"):
+        jc.linkage_machine(**changed(joints={"B": wide})).unusual()
+
+
+def test_a_machine_is_not_made_of_links_that_do_not_close():
+    """Nor is one of other numbers, in Python as on a command line."""
+    machine = jc.linkage_machine(**PLAIN)
+    with pytest.raises(ValueError, match="meet at every angle of the crank"):
+        machine.scene(**{"joints.A.pin.x": 0.13})
+    many = jax.vmap(lambda throw: machine.scene(**{"joints.A.pin.x": throw}).linkage.gravity)
+    assert many(jnp.array([0.05, 0.13])).shape == (2,)  # what is traced passes
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "[joints.B]",
+            "[joint.B]",
+            r"`joint` must be a known key, but is not; did you mean joints\?$",
+        ),
+        ("restitution", "restituton", r"`joints\.B\.restituton` .* mean joints\.B\.restitution\?$"),
+        ("body = ", "bodi = ", r"`slides\.guide\.bodi` .* did you mean slides\.guide\.body\?$"),
+        ("force = ", "fource = ", r"`forces\.pressure\.fource` .* mean forces\.pressure\.force\?$"),
+        ("speed = ", "sped = ", r"`sped` must be a known key, but is not; did you mean speed\?$"),
+        ('"0.21 kg"', '"0,21 kg"', r"`bodies\.rod\.mass` .* has a decimal comma: write '0\.21 kg'"),
+        ('["60 mm", "0 mm"]', '["60", "0 mm"]', r"`bodies\.rod\.mass_centre\.x` .* has no unit"),
+        ('["60 mm", "0 mm"]', '[60, "0 mm"]', r"`bodies\.rod\.mass_centre\.x` must have a unit"),
+        ('"-300 N"', '"-300 kg"', r"`forces\.pressure\.force\.x` must have a unit of the kind N"),
+        (
+            '"207 GPa"',
+            '"\u201e207 GPa\u201c"',
+            r"`joints\.B\.young` must have no typographic",
+        ),
+    ],
+)
+def test_slips_of_a_file_are_told_as_of_a_crusher_s(old, new, words, tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text((EXAMPLES / "pump.toml").read_text().replace(old, new), encoding="utf-8")
+    with pytest.raises(ValueError, match=words) as error:
+        read_machine(path)
+    assert str(error.value).startswith(str(path)) and "\n" not in str(error.value)
