@@ -15,6 +15,7 @@ bore = ["rod", "120 mm", "0 mm"]  # a body, or "frame", and a point in its axes
 pin = ["slider", "0 mm", "0 mm"]
 clearance = "0.5 mm"              # or diametral_clearance: loose; ideal without
 bore_radius = "10 mm"
+contact_law = "my_laws:Impact"    # or one of the package's; with numbers of its own
 
 [slides.guide]
 body = "slider"

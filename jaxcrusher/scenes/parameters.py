@@ -43,6 +43,7 @@ class Parameter:
     meaning: str
     limits: tuple[float, float] | None = None
     zero_scale: float | None = None
+    whole: bool = False  # nothing has slopes by a whole number
 
     @property
     def scale(self) -> float:
@@ -193,7 +194,9 @@ _PARAMETERS |= {
 # Of a shaft whose speed is uneven; a scene has these names only with the first of them.
 _PARAMETERS |= {
     "speed_fluctuation": Parameter(0.01, "1", "of the speed, a share of it; none: 0", (0, 0.99)),
-    "fluctuation_order": Parameter(1.0, "1", "a whole number, so often a turn", (1, 40)),
+    "fluctuation_order": Parameter(
+        1.0, "1", "a whole number, so often a turn", (1, 40), None, True
+    ),
     "fluctuation_phase": Parameter(0.0, "rad", "of the fluctuation at angle 0", _TURN, 1.0),
 }
 
@@ -206,7 +209,9 @@ _PARAMETERS |= {
     # Judged: some ten lumps break in a stroke, each with a force of its own.
     "load_scatter": Parameter(0.1, "1", "standard deviation of the load, a share of it", (0, 1)),
     "load_bandwidth": Parameter(10.0, "1", "orders of the shaft up to which it is", (0.01, 40)),
-    "load_seed": Parameter(0.0, "1", "a whole number, one for each random feed", (0, 2**31), 100.0),
+    "load_seed": Parameter(
+        0.0, "1", "a whole number, one for each random feed", (0, 2**31), 100.0, True
+    ),
     # Judged: the mean of the resultant is then near the paper's 8.8 kN.
     "chamber.bed_modulus": Parameter(2e7, "Pa", "pressure of a bed pressed to nothing", (0, 1e12)),
     "chamber.bed_exponent": Parameter(2.0, "1", "of its compression ratio", (1, 10)),
@@ -277,8 +282,7 @@ NUMBERS: Mapping[str, Parameter] = MappingProxyType({**PARAMETERS, **CHAMBER, **
 # A diameter of a drawing -> the radius that it gives.
 DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"}
 
-# Whole numbers: nothing has slopes by them.
-WHOLE = ("fluctuation_order", "load_seed")
+WHOLE = tuple(name for name, parameter in NUMBERS.items() if parameter.whole)
 
 # A name, or the beginning of names -> what a description must have one of to have them: a name, or
 # the choice of a law.
@@ -442,7 +446,7 @@ def within_limits(
     limited = dict(values)
     for name, value in values.items():
         if name in numbers and concrete(value) is None:
-            limited[name] = nan_unless(_is_within(name, value, numbers[name].limits), value)
+            limited[name] = nan_unless(_is_within(numbers[name], value), value)
     for name, compare, other in pairs:
         both = [limited[one] for one in (name, other) if one in limited]
         if len(both) == 2 and any(primal(one) is None for one in both):
@@ -450,12 +454,12 @@ def within_limits(
     return limited
 
 
-def _is_within(name: str, value: Any, limits: tuple[float, float] | None) -> Any:
-    if limits is None:
+def _is_within(parameter: Parameter, value: Any) -> Any:
+    if parameter.limits is None:
         return (value > 0) & (value < jnp.inf)
-    low, high = limits
+    low, high = parameter.limits
     good = (value >= low) & (value <= high)
-    return good & (value == jnp.round(value)) if name in WHOLE else good
+    return good & (value == jnp.round(value)) if parameter.whole else good
 
 
 def check_number(name: str, value: ArrayLike, numbers: Mapping[str, Parameter] = NUMBERS) -> None:
@@ -475,7 +479,7 @@ def check_number(name: str, value: ArrayLike, numbers: Mapping[str, Parameter] =
         unit = "" if parameter.unit == "1" else parameter.unit
         require_within(name, value, *parameter.limits, unit)
     known = primal(value)
-    if name in WHOLE and known is not None:
+    if parameter.whole and known is not None:
         require(bool(np.all(known == np.round(known))), name, "be a whole number", known)
 
 
