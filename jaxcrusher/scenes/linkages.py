@@ -453,6 +453,7 @@ class _Tables:
         must = "be a point [body, x, y]" if is_point else f"be a pair [x, y] in {key.of.unit}"
         good = isinstance(value, list | tuple) and len(value) == 2 + is_point
         require(good, name, must, "missing" if value is None else repr(value))
+        assert value is not None
         body = [self.body(name, value[0])] if is_point else []
         self.entries |= {f"{name}.x": value[-2], f"{name}.y": value[-1]}
         return body
@@ -500,15 +501,16 @@ def drawn(
     crank, _ = str(tables.entries.pop("crank", "missing")), tables.entries.pop("kind", None)
     must = f"name the body that the drive turns: {', '.join(bodies)}"
     require(crank in bodies, "crank", must, crank)
-    _, *tied = (tables.ties(section) for section in SECTIONS)
-    joints, slides, forces, *_ = tied
+    tied = {section: tables.ties(section) for section in SECTIONS}
+    joints, slides, forces = tied["joints"], tied["slides"], tied["forces"]
     held = any({crank, FRAME} == {bore, pin} for _, bore, pin in joints)
     require(held, "crank", "have a joint to the frame", f"{crank!r} without one")
     for item, body, _ in forces:
         require(body != FRAME, f"forces.{item}.body", "be a body that moves", repr(FRAME))
     ends = (*joints, *((name, FRAME, body) for name, body in slides))
     sides, left = tables.sides(dyads_of(ends, tuple(n for n, _ in slides), bodies, crank))
-    return Drawing(crank, bodies, *tied, sides), list(tables.entries.items()), left
+    drawing = Drawing(**tied | {"crank": crank, "bodies": bodies, "sides": sides})
+    return drawing, list(tables.entries.items()), left
 
 
 def _curve(name: str, given: Any, folder: Path) -> tuple:
