@@ -28,11 +28,11 @@ from .scenes.build import build_scene as build_scene
 from .scenes.build import ideal_scene as ideal_scene
 from .scenes.build import paper_scene as paper_scene
 from .scenes.crusher import paper_machine as paper_machine
-from .scenes.described import read_machine as read_machine
-from .scenes.described import read_scene as read_scene
-from .scenes.linkages import linkage as linkage
-from .scenes.linkages import linkage_machine as linkage_machine
 from .scenes.machine import Machine as Machine
 from .scenes.parameters import PARAMETERS as PARAMETERS
 from .scenes.parameters import PE250X400 as PE250X400
+from .scenes.reader import linkage as linkage
+from .scenes.reader import linkage_machine as linkage_machine
+from .scenes.reader import read_machine as read_machine
+from .scenes.reader import read_scene as read_scene
 from .version import __version__ as __version__

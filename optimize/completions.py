@@ -16,7 +16,7 @@ from jaxcrusher.basics.checks import nan_unless
 from jaxcrusher.crusher.capacity import stroke
 from jaxcrusher.crusher.machine import lengths_of
 from jaxcrusher.scenes.build import build_linkage
-from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, Parameter
+from jaxcrusher.scenes.parameters import MOMENTS, PE250X400
 
 # Newton steps on the eccentricity, to which the stroke is nearly proportional.
 STEPS = 5
@@ -32,10 +32,7 @@ class CounterweightMoment:
     and a descent stays there although another angle would help.
     """
 
-    inputs: ClassVar[tuple[str, ...]] = (
-        "counterweight.moment_along",
-        "counterweight.moment_across",
-    )
+    inputs: ClassVar[tuple[str, ...]] = tuple(MOMENTS)
     outputs: ClassVar[tuple[str, ...]] = ("counterweight.mass", "counterweight.angle")
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -55,13 +52,6 @@ class CounterweightMoment:
         moment = mass * radius
         parts = moment * jnp.cos(angle), moment * jnp.sin(angle)
         return {name: float(part) for name, part in zip(self.inputs, parts, strict=True)}
-
-
-# Known to units and tables as those of laws of one's own are; a scene file has mass and angle.
-NUMBERS |= {
-    name: Parameter(0.0, "kg m", f"of the counterweight about O, {where} O-A", (-1e4, 1e4), 1.0)
-    for name, where in zip(CounterweightMoment.inputs, ("along", "across"), strict=True)
-}
 
 
 @dataclass(frozen=True)

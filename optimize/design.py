@@ -12,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Float
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import concrete, require, require_known
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.scenes.parameters import check_number
+from jaxcrusher.scenes.parameters import MOMENTS, check_number
 from optimize.completions import CounterweightMoment, EqualStroke
 
 
@@ -37,12 +37,12 @@ class Design:
 
     def __post_init__(self):
         require(len(self.bounds) > 0, "bounds", "name a parameter", dict(self.bounds))
-        known = (*self.machine.numbers, *CounterweightMoment.inputs)
+        known = {**self.machine.numbers, **MOMENTS}
         for name, (low, high) in self.bounds.items():
             require_known(name, known)
             good = bool(np.isfinite([low, high]).all()) and low < high
             require(good, f"bounds of {name}", "be finite, LOW < HIGH", (low, high))
-            check_number(name, np.array([low, high]))
+            check_number(name, np.array([low, high]), known)
             require(name not in self.following, "bounds", "name nothing that follows", name)
         moment = [name for name in CounterweightMoment.inputs if name in self.bounds]
         require(len(moment) != 1, "bounds", "name both parts of the moment", moment)

@@ -15,7 +15,7 @@ from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.files.results import write_figure
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.pictures import mechanism, plots
-from jaxcrusher.scenes.echo import said, unit_of
+from jaxcrusher.scenes.units import said, unit_of
 from optimize.answer import Answer, Box, Confirmed
 from optimize.case import Case
 from optimize.forces import name_of

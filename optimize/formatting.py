@@ -7,8 +7,8 @@ from typing import TypeVar
 import numpy as np
 
 from jaxcrusher.joint.validity import Validity
-from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
+from jaxcrusher.scenes.units import said, unit_of
 from optimize.answer import Active, Answer, Confirmed, Runs
 from optimize.forces import besides, name_of, opposed, quantity
 

@@ -83,9 +83,9 @@ def labelled(
     `first` is a dim before the points', with its labels.
     """
     values = design.values(units)
+    known = {**NUMBERS, **design.machine.numbers}
     labels = {
-        name: {"units": NUMBERS[name].unit, "long_name": NUMBERS[name].meaning}
-        for name in design.names
+        name: {"units": known[name].unit, "long_name": known[name].meaning} for name in design.names
     }
     coordinates: dict = dict(first or {})
     if len(design.names) > GRID_DIMENSIONS:

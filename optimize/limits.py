@@ -10,7 +10,7 @@ import xarray as xr
 from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.scenes.scene_file import typed_in
+from jaxcrusher.scenes.units import typed_in
 
 # Statistics by name, of any shape.
 Found = Mapping[str, Any] | xr.Dataset | PeriodicOrbit

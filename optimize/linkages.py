@@ -2,7 +2,7 @@
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.mechanism.scene import require_clearance
-from jaxcrusher.scenes.described import read_machine
+from jaxcrusher.scenes.reader import read_machine
 from optimize.design import Design
 from optimize.options import Options
 from optimize.searched import Searched, sets, startless, written_bounds
@@ -37,9 +37,10 @@ def linkage(options: Options) -> Searched:
     values, scene, free = found.values, found.scene(), {}
     for word in sets(options):
         free |= set_bounds(word, found)
-    free |= written_bounds(options)
+    free |= written_bounds(options, found)
     for name, (_, high) in free.items():
         require(name in found.numbers, "design", "name numbers that the scene file gives", name)
+        found.replace(**{name: high})  # which refuses a number without what it comes with
         joint, _, key = name.rpartition(".")
         if key == "clearance":
             require_clearance(high, values[f"{joint}.bore_radius"], f"{joint}.")

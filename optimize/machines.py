@@ -19,8 +19,8 @@ from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.pictures.plots import STYLE, WIDTH
 from jaxcrusher.scenes.build import build_chamber
-from jaxcrusher.scenes.described import kind_of
 from jaxcrusher.scenes.machine import tell_about
+from jaxcrusher.scenes.reader import kind_of
 from optimize.forces import name_of, prefixed, quantity
 from optimize.objectives import OBJECTIVES
 from optimize.table import Table

@@ -11,12 +11,11 @@ from jaxcrusher.files.journal import digest_of
 from jaxcrusher.mechanism.scene import require_clearance
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.crusher import Crusher
-from jaxcrusher.scenes.described import given_by, kind_of
-from jaxcrusher.scenes.echo import units_of, units_of_file
 from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, in_words, readable
-from jaxcrusher.scenes.scene_file import key_of, read_text, scene_of
+from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, in_words, key_of, readable
+from jaxcrusher.scenes.reader import kind_of, read_entries, read_scene_file, read_text, scene_of
+from jaxcrusher.scenes.units import units_of
 from optimize.answer import Box, Sought
 from optimize.case import Case
 from optimize.completions import CounterweightMoment, EqualStroke
@@ -100,7 +99,8 @@ def resolve(options: Options) -> Problem:
     if chamber is not None:
         speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(case.capacity_floor))
     texts = (*options.overrides, *((name, high) for name, _, high in ranges(options)))
-    units = units_of_file(options.scene) | units_of(texts)
+    entries = () if options.scene is None else read_entries(options.scene)
+    units = machine.units | units_of((*entries, *texts))
     kept = {key: value for key, value in asdict(options).items() if key not in KEPT_APART}
     own = ":" in name
     kept["objective"] = f"{name} {digest_of(case.objective.formula)}" if own else name
@@ -156,9 +156,9 @@ def _objective(name: str, searched: Searched) -> Objective:
 def _crusher(options: Options) -> Searched:
     """Return the crusher that is searched, and its box."""
     described = _description(options)
-    free, written = _bounds(options, described), written_bounds(options)
-    _require_felt(options, described, {*written})
     machine = Machine(Crusher(), described)
+    free, written = _bounds(options, described), written_bounds(options, machine)
+    _require_felt(options, described, {*written})
     design = _design(options, machine, free)
     reference, compared_with = _reference(options, described, free)
     # Sets lie about the machine's own numbers, other ranges anywhere.
@@ -268,11 +268,12 @@ def _bounds(options: Options, described: dict[str, Any]) -> Bounds:
 
     Of sets those are left out that no law uses.
     """
-    found: Bounds = {}
+    found, machine = {}, Machine(Crusher(), described)
     for word in sets(options):
-        found |= set_bounds(word, Machine(Crusher(), described))
+        found |= set_bounds(word, machine)
     idle = _idle(described)
-    return {name: one for name, one in found.items() if name not in idle} | written_bounds(options)
+    left = {name: one for name, one in found.items() if name not in idle}
+    return left | written_bounds(options, machine)
 
 
 def _design(options: Options, machine: Machine, free: Bounds) -> Design:
@@ -285,7 +286,7 @@ def _description(options: Options) -> dict[str, Any]:
     """The crusher's other numbers and choices: the scene file's, then the options'."""
     choices = (("slip", options.slip), ("load_law", options.load_law))
     given = [(name, choice) for name, choice in choices if choice is not None]
-    values: dict[str, Any] = given_by(options.scene, (*options.overrides, *given))
+    values: dict[str, Any] = read_scene_file(options.scene, (*options.overrides, *given))
     if options.friction is not None:
         values["friction"] = options.friction
     if options.impact_velocity == "tracked":

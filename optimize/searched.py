@@ -7,7 +7,8 @@ from jaxcrusher.basics.checks import require
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.scenes.machine import Machine
-from jaxcrusher.scenes.scene_file import key_of, read_range, require_continuous
+from jaxcrusher.scenes.parameters import key_of
+from jaxcrusher.scenes.reader import read_range, require_continuous
 from optimize.design import Design
 from optimize.options import Options
 from optimize.sets import SETS, Bounds
@@ -46,16 +47,16 @@ def ranges(options: Options) -> list[tuple[str, str, str]]:
     return [(name, low, high) for name, low, high in lines]
 
 
-def written_bounds(options: Options) -> Bounds:
-    """Return the bounds of single parameters, in SI units.
+def written_bounds(options: Options, machine: Machine) -> Bounds:
+    """Return the bounds of single parameters of a machine, in SI units.
 
     Raises ValueError for unknown names, for values without a unit, and for no LOW < HIGH.
     """
     found = {}
     for name, low, high in ranges(options):
         key = key_of(name)
-        require_continuous("design", key)
-        found[key] = read_range(name, low, high)
+        require_continuous("design", key, machine)
+        found[key] = read_range(name, low, high, machine)
         good = found[key][0] < found[key][1]
         require(good, name, "have LOW < HIGH", f"{low} {high}")
     return found

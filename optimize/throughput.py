@@ -1,7 +1,7 @@
 """Capacity in t/h: the volume crushed in an hour times the bulk density of the crushed rock."""
 
 from jaxcrusher.basics.checks import require
-from jaxcrusher.scenes.scene_file import quantity_in
+from jaxcrusher.scenes.units import quantity_in
 
 
 def read_bulk_density(written: str | None) -> float | None:

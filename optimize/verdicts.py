@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from jaxcrusher.orbits.feed_response import TURNS
-from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import in_words
+from jaxcrusher.scenes.units import said, unit_of
 from optimize import decay
 from optimize.answer import Answer, Check, Confirmed, Orbit
 from optimize.case import Case

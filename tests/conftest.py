@@ -64,9 +64,6 @@ os.environ["XLA_FLAGS"] = f"{FLAGS} --xla_disable_hlo_passes={','.join(PASSES)}"
 jax.devices()
 os.environ["XLA_FLAGS"] = FLAGS
 
-# After it: this imports Equinox, which reads then what `set_up` tells it.
-from jaxcrusher.scenes.parameters import CHOICES, NUMBERS, PARAMETERS  # noqa: E402
-
 
 def _slowness():
     """Return how many times as long as usual this machine takes for a loop of Python's."""
@@ -144,18 +141,6 @@ def forget_programs():
         gc.collect()
         if known:  # glibc keeps what is freed: memory would seem full after each file that follows
             getattr(ctypes.CDLL(None), "malloc_trim", lambda _: None)(0)
-
-
-@pytest.fixture(autouse=True)
-def forget_laws():
-    """Forget the names of a linkage, and of a law of one's own, after the test that named it."""
-    tables = (PARAMETERS, NUMBERS, CHOICES)
-    known = [dict(table) for table in tables]
-    yield
-    for table, before in zip(tables, known, strict=True):
-        if table.keys() != before.keys():
-            table.clear()
-            table.update(before)
 
 
 @pytest.fixture(scope="module")

@@ -21,8 +21,8 @@ from benchmarks.stability.judgement import AGREES, DISAGREES, OUTSIDE, REFUSED
 from jaxcrusher.files.results import results_folder, write_table
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.scenes.described import read_machine
 from jaxcrusher.scenes.parameters import complete
+from jaxcrusher.scenes.reader import read_machine
 
 FINE = 1e-12
 # Kinds whose laws free bodies have too.

@@ -23,9 +23,8 @@ from jaxcrusher.batch.engines import stack
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
-from jaxcrusher.scenes.linkages import Drawing, drawn
+from jaxcrusher.scenes.linkages import Drawing
 from jaxcrusher.scenes.machine import Machine
-from jaxcrusher.scenes.scene_file import flattened
 
 SPAN = 0.03  # s
 TIMES = np.linspace(0, SPAN, drawn_run.INSTANTS)
@@ -182,7 +181,7 @@ def mechanism(family: Family, seed: str) -> Drawn:
             "vertical_damping": block * chance.uniform(0, 100),
         }
     of["assembly"] = {"coupler": side}
-    read = drawn(flattened(of), lambda _, value: float(value))
+    read = jc.linkage_machine(**of)
     angles = np.array([cmath.phase(axes[body][1]) for body in of["bodies"]])
     return Drawn(read, angles)
 

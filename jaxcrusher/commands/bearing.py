@@ -41,7 +41,7 @@ from jaxcrusher.motion.bearing_sheet import (
     shaking_rms,
 )
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
-from jaxcrusher.scenes.echo import all_said, units_of
+from jaxcrusher.scenes.units import all_said, units_of
 
 # Unit -> that of the screen, and how many of it the first is.
 SHOWN = {"N": ("kN", 1e-3), "Pa": ("GPa", 1e-9), "W": ("kW", 1e-3), "h": ("h", 1.0)}
@@ -57,7 +57,7 @@ def run(options: Bearing, console: Console) -> int:
     require_positive("seconds", options.seconds, "s")
     require_turns(options.settle, options.turns)
     machine = read_machine(options.crusher)
-    axes = read_axes(options.over) if options.over else {}
+    axes = read_axes(options.over, machine) if options.over else {}
     values, units = machine.values, machine.units | units_of(bounds(options.over))
     designs = [dict(zip(axes, point, strict=True)) for point in itertools.product(*axes.values())]
     for design in designs:

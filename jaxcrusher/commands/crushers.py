@@ -15,11 +15,11 @@ from jaxcrusher.commands.options import Crusher, Ranges
 from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.own_laws import is_own, with_digests
-from jaxcrusher.scenes.parameters import CHOICES
-from jaxcrusher.scenes.scene_file import key_of, naming, read_range, require_moving
+from jaxcrusher.scenes.parameters import key_of
+from jaxcrusher.scenes.reader import naming, read_range, require_moving
+from jaxcrusher.scenes.units import all_said
 
 # What a sentence calls the forces that a machine is judged by: what frame and bearings carry, with
 # weight and crushing load, and what shakes the ground.
@@ -92,11 +92,11 @@ def read_moving(crusher: Crusher) -> Machine:
 
 def bounds(over: Ranges) -> list[tuple[str, str]]:
     """Return the text of each axis's highest value, whose unit serves the lowest one too."""
-    return [(name, rest[1]) for name, *rest in over if len(rest) == 3 and name not in CHOICES]
+    return [(name, rest[1]) for name, *rest in over if len(rest) == 3]
 
 
-def read_axes(over: Ranges) -> dict[str, list]:
-    """The axes of a grid: name -> values in SI units, or choices.
+def read_axes(over: Ranges, machine: Machine) -> dict[str, list]:
+    """The axes of a grid of machines: name -> values in SI units, or choices.
 
     Raises ValueError for an unknown or repeated name, a bad bound or count, and no axis at all.
     """
@@ -106,17 +106,17 @@ def read_axes(over: Ranges) -> dict[str, list]:
     for name, *rest in over:
         key = key_of(name)
         require(key not in axes, "over", "name a parameter once", f"given twice for {key}")
-        if name in CHOICES:
+        if name in machine.choices:
             for choice in rest:
                 if not is_own(name, choice):
-                    require_choice(name, choice, CHOICES[name])
+                    require_choice(name, choice, machine.choices[name])
             require(len(rest) > 0, "over", f"name choices of {name}", "empty")
             axes[name] = rest
             continue
-        require_moving("over", key)
+        require_moving("over", key, machine)
         require(len(rest) == 3, "over", f"be {name} LOW HIGH COUNT", " ".join([name, *rest]))
         lowest, highest, count = rest
-        low, high = read_range(name, lowest, highest)
+        low, high = read_range(name, lowest, highest, machine)
         good = count.isdecimal() and int(count) >= 2
         require(good, "over", f"have a whole COUNT >= 2 for {name}", count)
         require(low < high, "over", f"have LOW < HIGH for {name}", f"{lowest} {highest}")

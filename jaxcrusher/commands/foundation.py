@@ -50,9 +50,9 @@ from jaxcrusher.orbits.load_sheet import (
 from jaxcrusher.orbits.natural_modes import amplification
 from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.orbits.solving import NODES
-from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.machine import Machine
-from jaxcrusher.scenes.scene_file import points_of, quantity_in, read_range
+from jaxcrusher.scenes.reader import points_of, read_range
+from jaxcrusher.scenes.units import all_said, quantity_in
 
 TITLE = "Load sheet of a machine's foundation"
 FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")

@@ -16,20 +16,20 @@ from jaxcrusher.dynamics.slopes import GradientReport
 from jaxcrusher.files.provenance import environment, provenance
 from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import SETTINGS, begin, earlier, keep_beside
-from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.method import require_tolerance
-from jaxcrusher.scenes.echo import per, unit_of
-from jaxcrusher.scenes.parameters import NUMBERS, numbers_of
-from jaxcrusher.scenes.scene_file import require_continuous
+from jaxcrusher.scenes.machine import Machine
+from jaxcrusher.scenes.parameters import numbers_of
+from jaxcrusher.scenes.reader import require_continuous
+from jaxcrusher.scenes.units import per, unit_of
 
 
 def run(options: Gradient, console: Console) -> int:
     """Differentiate, print, write; 1 if the motion failed. ValueError for bad options."""
     found = read_moving(options.crusher)
     metric = options.metric or found.scene().leading
-    numbers = numbers_of(found.values)
+    numbers = numbers_of(found.values, found.numbers)
     by = options.by or ("speed", *(name for name in numbers if name.endswith("clearance")))
-    _check(options, found.scene(), metric, by, numbers)
+    _check(options, found, metric, by, numbers)
     names = "settle", "turns", "radius", "pairs", "seed", "rtol"
     asked = {"metric": metric, "by": by} | {name: getattr(options, name) for name in names}
     values, unit = found.values, found.scene().statistics[metric].unit
@@ -56,7 +56,7 @@ def run(options: Gradient, console: Console) -> int:
             progress=lambda stage: status.update(f"{stage} (with compilation up to a minute)"),
         )
     told = ", ".join(f"by {name} {per(unit, of)}" for name, of in units.items())
-    kept = content(report, unit) | {"told": f"{shown(report, found.units)}\nunits: {told}"}
+    kept = content(report, unit, found) | {"told": f"{shown(report, found.units)}\nunits: {told}"}
     write_json(path, provenance("Slopes", scene=values) | kept)
     return _tell(kept, str(path), console)
 
@@ -68,12 +68,12 @@ def _tell(kept: dict[str, Any], path: str, console: Console) -> int:
 
 
 def _check(
-    options: Gradient, scene: AbstractScene, metric: str, by: tuple[str, ...], numbers: list[str]
+    options: Gradient, machine: Machine, metric: str, by: tuple[str, ...], numbers: list[str]
 ) -> None:
-    require_choice("metric", metric, tuple(scene.statistics))
+    require_choice("metric", metric, tuple(machine.scene().statistics))
     require(len(set(by)) == len(by), "by", "name parameters, each once", " ".join(by))
     for name in by:
-        require_continuous("by", name)
+        require_continuous("by", name, machine)
         require(name in numbers, "by", "name numbers that the machine has, such as speed", name)
     for name, least in (("settle", 0), ("turns", 1), ("pairs", 2), ("seed", 0)):
         require_whole(name, getattr(options, name), least)
@@ -97,11 +97,14 @@ def shown(report: GradientReport, units: dict[str, str]) -> GradientReport:
     return dataclasses.replace(report, slopes=slopes)
 
 
-def content(report: GradientReport, of: str) -> dict[str, Any]:
+def content(report: GradientReport, of: str, machine: Machine) -> dict[str, Any]:
     """Return a report of a statistic whose unit is `of` as JSON keeps it."""
     slopes = {}
     for name, slope in report.slopes.items():
-        slopes[name] = {"units": f"({of})/({NUMBERS[name].unit})", **dataclasses.asdict(slope)}
+        slopes[name] = {
+            "units": f"({of})/({machine.numbers[name].unit})",
+            **dataclasses.asdict(slope),
+        }
     return {
         "metric": report.metric,
         "regime": report.regime.name,

@@ -21,9 +21,9 @@ from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.identification.identify import Identified, identify
 from jaxcrusher.identification.measurements import taken
 from jaxcrusher.identification.model import quantities_of
-from jaxcrusher.scenes.echo import unit_of as shown_in
-from jaxcrusher.scenes.parameters import NUMBERS
-from jaxcrusher.scenes.scene_file import require_continuous, typed_in
+from jaxcrusher.scenes.reader import require_continuous
+from jaxcrusher.scenes.units import typed_in
+from jaxcrusher.scenes.units import unit_of as shown_in
 
 FILES = ("identified.json", "identified.png")
 FURTHER = 3  # further measurements that are printed
@@ -38,8 +38,8 @@ def run(options: Identify, console: Console) -> int:
     require(0 <= options.noise < np.inf, "noise", "be finite and >= 0", options.noise)
     for argument, names in (("free", options.free), ("prior", [one for one, *_ in options.prior])):
         for name in names:
-            require_continuous(argument, name)
-    typed = lambda name, text: typed_in(NUMBERS[name].unit, name, text)  # noqa: E731
+            require_continuous(argument, name, machine)
+    typed = lambda name, text: typed_in(machine.numbers[name].unit, name, text)  # noqa: E731
     priors = {n: (typed(n, mean), typed(n, sigma)) for n, mean, sigma in options.prior}
     twice = len(priors) < len(options.prior)
     require(not twice, "prior", "name each number once", "twice of one")

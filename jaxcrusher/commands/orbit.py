@@ -1,6 +1,6 @@
 """`python -m jaxcrusher orbit`: the periodic orbit, solved for, and its slopes by every number."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +31,8 @@ from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.pictures.plots import force_size, pins_and_force
-from jaxcrusher.scenes.echo import per, said, unit_of
-from jaxcrusher.scenes.parameters import NUMBERS, numbers_of
+from jaxcrusher.scenes.parameters import NUMBERS, Parameter, numbers_of
+from jaxcrusher.scenes.units import per, said, unit_of
 
 ANGLES = 720  # of the picture, a turn
 DEGREE = float(np.radians(1.0))
@@ -48,14 +48,15 @@ ROUGH = "under the mean load: what load_scatter adds is told by jaxcrusher.feed_
 def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
     found = read_machine(options.crusher)
-    values, metrics = found.values, tuple(dict.fromkeys((found.scene().leading, "shaking_rms")))
+    values, known = found.values, found.numbers
+    metrics = tuple(dict.fromkeys((found.scene().leading, "shaking_rms")))
     require_whole("period", options.period, 1)
     asked = {"period": options.period, "effort": options.effort}
     settings = settings_of("orbit", values, **asked, **found.structure.record)
     matlab = ("orbit.mat",)
     written = "orbit.json", "orbit.csv", *(matlab if options.mat else ()), "orbit.png"
     folder = begin_beside(options.results.folder, settings, *written, spared=matlab)
-    numbers = {name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values)}
+    numbers = {name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values, known)}
 
     @eqx.filter_jit
     def build(numbers: dict[str, Any]) -> AbstractScene:
@@ -77,7 +78,9 @@ def run(options: Orbit, console: Console) -> int:
         return 1
     with stages(console, "differentiating"):
         slopes = slopes_of(lambda n: solve(n, **orbit.alike), numbers, metrics)
-    slopes = {metric: felt(of, float(orbit[metric]), values) for metric, of in slopes.items()}
+    slopes = {
+        metric: felt(of, float(orbit[metric]), values, known) for metric, of in slopes.items()
+    }
     path = folder / "orbit.json"
     write_json(path, provenance("Periodic orbit", scene=values) | content(orbit, slopes))
     seen = history(orbit)
@@ -87,8 +90,8 @@ def run(options: Orbit, console: Console) -> int:
     for line in summary(orbit):
         console.print(line)
     units, marked = found.units, borrowed_by(options.crusher, found)
-    console.print(table(orbit, slopes, values, units, marked), soft_wrap=False)
-    for line in notes(values, units, marked, slopes):
+    console.print(table(orbit, slopes, values, units, marked, known), soft_wrap=False)
+    for line in notes(values, units, marked, slopes, known):
         console.print(line)
     console.print(listed(folder, written))
     return 0
@@ -178,6 +181,7 @@ def table(
     values: dict[str, Any],
     units: dict[str, str],
     marked: Collection[str],
+    known: Mapping[str, Parameter] = NUMBERS,
 ) -> Table:
     """Slopes of both forces by every parameter, in the units given; `marked` ones have a *.
 
@@ -187,7 +191,7 @@ def table(
     rms, shaking = slopes[leading], slopes["shaking_rms"]
     percent = 100 / float(orbit[leading])
     shares = {
-        name: percent * of * step(name, values[name])
+        name: percent * of * step(known[name], values[name])
         for name, of in rms.items()
         if of or shaking[name]
     }
@@ -206,20 +210,25 @@ def table(
     return shown
 
 
-def felt(slopes: dict[str, float], force: float, values: dict[str, Any]) -> dict[str, float]:
+def felt(
+    slopes: dict[str, float],
+    force: float,
+    values: dict[str, Any],
+    known: Mapping[str, Parameter] = NUMBERS,
+) -> dict[str, float]:
     """Return slopes of a force (N), zero where a `step` changes no digit of it."""
     least = np.finfo(float).eps * force
     return {
-        name: 0.0 if abs(slope) * step(name, values[name]) <= least else slope
+        name: 0.0 if abs(slope) * step(known[name], values[name]) <= least else slope
         for name, slope in slopes.items()
     }
 
 
-def step(name: str, value: float) -> float:
+def step(of: Parameter, value: float) -> float:
     """Return a small change of a number that a designer would try, in SI units."""
-    if NUMBERS[name].unit == "rad":  # the value of an angle depends on where it is counted from
+    if of.unit == "rad":  # the value of an angle depends on where it is counted from
         return DEGREE
-    return 0.01 * (abs(value) or NUMBERS[name].scale)
+    return 0.01 * (abs(value) or of.scale)
 
 
 def notes(
@@ -227,12 +236,14 @@ def notes(
     units: dict[str, str],
     marked: Collection[str],
     slopes: dict[str, dict[str, float]],
+    known: Mapping[str, Parameter] = NUMBERS,
 ) -> list[str]:
     """Explain the columns of the table, its marks, and what it leaves out."""
-    zero = [n for n in numbers_of(values) if values[n] == 0 and NUMBERS[n].unit != "rad"]
-    of_zero = "".join(f", {said(name, step(name, 0.0), units)} of {name}" for name in zero)
+    names = numbers_of(values, known)
+    zero = [n for n in names if values[n] == 0 and known[n].unit != "rad"]
+    of_zero = "".join(f", {said(name, step(known[name], 0.0), units)} of {name}" for name in zero)
     lines = [f"A step is 1 % of the value, 1 deg of an angle{of_zero}."]
-    idle = [name for name in numbers_of(values) if not any(of[name] for of in slopes.values())]
+    idle = [name for name in names if not any(of[name] for of in slopes.values())]
     if idle:
         lines.append(f"Neither force changes with {', '.join(idle)}.")
     if marked:

@@ -3,6 +3,7 @@
 import itertools
 import json
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -23,10 +24,11 @@ from jaxcrusher.files.resume import earlier, keep_beside
 from jaxcrusher.files.table import Column, columns_of
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistics import of_whirl
-from jaxcrusher.scenes.echo import all_said, units_of
+from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, SITE
-from jaxcrusher.scenes.scene_file import key_of, read_text
+from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, SITE, Parameter, key_of
+from jaxcrusher.scenes.reader import read_text
+from jaxcrusher.scenes.units import all_said, units_of
 
 # The numbers of a row, besides statistics.
 COLUMNS = {
@@ -41,7 +43,8 @@ COLUMNS = {
 
 def run(options: Regimes, console: Console) -> int:
     """Classify what is not done yet; 1 if a run failed. ValueError for bad options."""
-    found, designs = read_moving(options.crusher), read_designs(options)
+    found = read_moving(options.crusher)
+    designs = read_designs(options, found)
     values, outputs = found.values, of_whirl(found.scene())
     columns = COLUMNS | columns_of(found.scene().statistics, outputs)
     units = found.units | _units(options)
@@ -82,7 +85,8 @@ def run(options: Regimes, console: Console) -> int:
                 done.append(row)
                 content = {**attributes, "settings": settings, "rows": done}
                 write_json(folder / "regimes.json", content)
-                write_netcdf(folder / "regimes.nc", dataset(done, columns, settings, attributes))
+                rows = dataset(done, columns, settings, attributes, found.numbers)
+                write_netcdf(folder / "regimes.nc", rows)
             asked.append(row)
             title = all_said(design, units) or "the crusher"
             bars.console.print(escape(f"{title}: {row['verdict']}{remark}"))
@@ -95,16 +99,16 @@ def run(options: Regimes, console: Console) -> int:
     return 1 if failed else 0
 
 
-def read_designs(options: Regimes) -> list[dict[str, Any]]:
+def read_designs(options: Regimes, found: Machine) -> list[dict[str, Any]]:
     """The designs asked for, in SI units; ValueError for ones that cannot be read."""
     both = bool(options.over and options.design)
     require(not both, "design", "stand instead of over", "given with it")
     if options.over:
-        axes = read_axes(options.over)
+        axes = read_axes(options.over, found)
         return [dict(zip(axes, cell, strict=True)) for cell in itertools.product(*axes.values())]
     if not options.design:
         return [{}]
-    designs = [_design(text) for text in options.design]
+    designs = [_design(text, found) for text in options.design]
     must = f"name {', '.join(designs[0])} as the first one does"
     for design in designs:
         require(list(design) == list(designs[0]), "design", must, ", ".join(design))
@@ -119,12 +123,16 @@ def _settings(options: Regimes, values: dict[str, Any], varied: list[str]) -> di
 
 
 def dataset(
-    rows: list[dict], columns: dict[str, Column], settings: dict, attributes: dict[str, str]
+    rows: list[dict],
+    columns: dict[str, Column],
+    settings: dict,
+    attributes: dict[str, str],
+    numbers: Mapping[str, Parameter] = NUMBERS,
 ) -> xr.Dataset:
     """Return the rows, with the varied names as coordinates along them."""
     coordinates = {}
     for name in settings["varied"]:
-        known = NUMBERS.get(name)
+        known = numbers.get(name)
         labels = {"units": known.unit, "long_name": known.meaning} if known else {}
         coordinates[name] = ("design", [row["design"][name] for row in rows], labels)
     values = {
@@ -160,7 +168,7 @@ def _row(
     return row | {name: None if summary is None else float(summary[name]) for name in outputs}
 
 
-def _design(text: str) -> dict[str, Any]:
+def _design(text: str, found: Machine) -> dict[str, Any]:
     parts = [part.partition("=") for part in text.split(",")]
     for name, equals, value in parts:
         comma = " with decimal points, not commas" if name.strip()[:1].isdigit() else ""
@@ -172,7 +180,7 @@ def _design(text: str) -> dict[str, Any]:
         require(key not in design, "design", "name a key once", repr(text))
         idle = key in CHAMBER or key in SITE
         require(not idle, "design", "name numbers of the motion", repr(text))
-        design[key_of(key)] = read_text(key, value.strip())
+        design[key_of(key)] = read_text(key, value.strip(), found)
     return design
 
 

@@ -28,7 +28,7 @@ from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.simulation import Trajectory, leading_force
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.pictures import plots
-from jaxcrusher.scenes.echo import said
+from jaxcrusher.scenes.units import said
 
 # Simulated unless told otherwise, and, of these, drawn: the last ones.
 TURNS, DRAWN = 10.0, 2

@@ -18,8 +18,7 @@ from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_figure
 from jaxcrusher.files.table import digits
 from jaxcrusher.pictures.plots import plot_sweep
-from jaxcrusher.scenes.echo import all_said, units_of
-from jaxcrusher.scenes.parameters import CHOICES
+from jaxcrusher.scenes.units import all_said, units_of
 
 if TYPE_CHECKING:
     import distributed
@@ -27,7 +26,8 @@ if TYPE_CHECKING:
 
 def run(options: Sweep, console: Console) -> int:
     """Sweep and print a closing line; 1 if a design failed. ValueError for bad options."""
-    found, axes = read_machine(options.crusher), read_axes(options.over)
+    found = read_machine(options.crusher)
+    axes = read_axes(options.over, found)
     leading = found.scene().leading
     for name, axis in axes.items():
         for end in (axis[0], axis[-1]):
@@ -55,7 +55,7 @@ def run(options: Sweep, console: Console) -> int:
     for path in written[1:]:
         write_dataset(path, grid.load())
     units = found.units | units_of(bounds(options.over))
-    if len(axes) == 2 and not set(axes) & set(CHOICES):
+    if len(axes) == 2 and not set(axes) & set(found.choices):
         written.append(folder / "sweep.png")
         fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
         plot_sweep(grid, leading, ax, units=units)

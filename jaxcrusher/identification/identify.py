@@ -29,8 +29,8 @@ from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.earlier import of_description
-from jaxcrusher.scenes.echo import unit_of as shown_in
 from jaxcrusher.scenes.machine import Machine, machine_of
+from jaxcrusher.scenes.units import unit_of as shown_in
 
 # A direction cannot be told if its standard deviation is this share of its numbers: the interval
 # of 95 % is then as wide as they are.

@@ -23,7 +23,7 @@ from jaxtyping import Float
 
 from jaxcrusher.basics.checks import number_in, require, require_positive, require_whole
 from jaxcrusher.files.table import read_cells
-from jaxcrusher.scenes.scene_file import quantity_in
+from jaxcrusher.scenes.units import quantity_in
 
 # Returns the SI unit of a quantity; ValueError for an unknown one.
 UnitOf = Callable[[str], str]

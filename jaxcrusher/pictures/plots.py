@@ -24,8 +24,8 @@ from jaxcrusher.crusher.outline import ORANGE as ORANGE
 from jaxcrusher.crusher.outline import PURPLE as PURPLE
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import Trajectory
-from jaxcrusher.scenes.echo import unit_of
 from jaxcrusher.scenes.parameters import in_words
+from jaxcrusher.scenes.units import unit_of
 
 # 170 mm in inches: A4 less its margins. About 700 pixels of a page on a screen.
 WIDTH = 6.7

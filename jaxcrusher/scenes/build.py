@@ -114,8 +114,8 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     last one for all clearances at once.
     """
     require_x64()
-    check_described(values)
-    v = within_limits(complete(values))
+    numbers = check_described(values)
+    v = within_limits(complete(values), numbers)
     linkage, drive = build_linkage(v), drive_of(v)
     load, foundation, rod = _fed(_load(v, linkage), v), foundation_of(v), _rod(v, linkage)
     loose = {} if v["joint"] == "ideal" else {"main": joint_of(v, "")}

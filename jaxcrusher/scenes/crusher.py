@@ -9,10 +9,9 @@ import numpy as np
 
 from jaxcrusher.crusher.capacity import stroke, stroke_ratio
 from jaxcrusher.mechanism.scene import Scene
-from jaxcrusher.scenes.build import build_chamber, build_linkage, build_scene
-from jaxcrusher.scenes.echo import all_said
+from jaxcrusher.scenes.build import build_chamber, build_linkage, build_scene, by_stroke
 from jaxcrusher.scenes.machine import AbstractStructure, Machine
-from jaxcrusher.scenes.own_laws import check_described
+from jaxcrusher.scenes.own_laws import check_described, law_numbers
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
     CHOICES,
@@ -26,6 +25,7 @@ from jaxcrusher.scenes.parameters import (
     readable,
 )
 from jaxcrusher.scenes.plausibility import borrowed, has_constant_load, remarks
+from jaxcrusher.scenes.units import all_said
 
 
 @dataclass(frozen=True)
@@ -46,11 +46,21 @@ class Crusher(AbstractStructure):
 
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
         """Return those of `jaxcrusher.scenes.parameters`, and of laws of one's own."""
-        return NUMBERS
+        laws = law_numbers(values)
+        return {**NUMBERS, **laws} if laws else NUMBERS
 
     def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
         """Return those of `jaxcrusher.scenes.parameters`."""
         return CHOICES
+
+    def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values with the eccentricity of a stroke, as `by_stroke` does.
+
+        An eccentricity or a stroke of `over` stands in the place of either.
+        """
+        throws = {"stroke", "shaft.eccentricity"}
+        left = throws if throws & over.keys() else ()
+        return by_stroke({n: v for n, v in given.items() if n not in left} | dict(over))
 
     def unusual(self, values: Mapping[str, Any]) -> list[str]:
         """Return `remarks`; ValueError as they do, and for a chamber that cannot be."""

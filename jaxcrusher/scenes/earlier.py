@@ -36,11 +36,11 @@ def axes_first(verb: Verb) -> Verb:
         base = {} if base is None else base
         good, given = isinstance(base, Mapping), f"a {type(base).__name__}"
         require(good, "base", 'map names to values, as {"start": "contact"}', given)
-        machine = paper_machine() if scene is None else machine_of(scene)
         made = "jaxcrusher.paper_machine({})" if scene is None else "scene"
         if scene is not None and base:
             made = "functools.partial(scene, {})"
         _say(verb, f"{made.format('**base' if base else '')}, axes")
+        machine = paper_machine() if scene is None else machine_of(scene)
         return verb(machine.replace(**base), *args, **settings)
 
     return cast(Verb, called)

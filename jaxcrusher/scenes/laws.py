@@ -1,5 +1,7 @@
 """The laws and methods that a description chooses by name, the paper's first."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from jaxcrusher.crusher.loads import (
@@ -28,7 +30,7 @@ from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.starts import Centred, InContact
 
 # Name of a choice -> name of a law -> its class, or the function that it stands for.
-LAWS: dict[str, dict[str, Any]] = {
+_LAWS: dict[str, dict[str, Any]] = {
     "start": {"centred": Centred, "contact": InContact},
     "slip": {"centre": CentreSlip, "surface": SurfaceSlip},
     "load_law": {
@@ -53,3 +55,6 @@ LAWS: dict[str, dict[str, Any]] = {
     "impact_law": {"constant": ConstantImpactVelocity, "tracked": TrackedImpactVelocity},
     "formulation": {"eccentricity": EccentricityFormulation, "multiplier": MultiplierFormulation},
 }
+LAWS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {name: MappingProxyType(laws) for name, laws in _LAWS.items()}
+)

@@ -15,6 +15,7 @@ bore = ["rod", "120 mm", "0 mm"]  # a body, or "frame", and a point in its axes
 pin = ["slider", "0 mm", "0 mm"]
 clearance = "0.5 mm"              # or diametral_clearance: loose; ideal without
 bore_radius = "10 mm"
+contact_law = "my_laws:Impact"    # or one of the package's; with numbers of its own
 
 [slides.guide]
 body = "slider"
@@ -29,10 +30,11 @@ and a slider meet ahead (1) or behind (-1) along the slide. The dyads follow fro
 Numbers are named by their place, as `joints.B.clearance` and `bodies.rod.mass_centre.x`.
 """
 
-import dataclasses
+import operator
 import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -44,13 +46,12 @@ import numpy as np
 from jaxcrusher.basics.checks import (
     concrete,
     is_concrete,
-    nan_unless,
     renamed,
     require,
     require_choice,
-    require_known,
 )
 from jaxcrusher.basics.plane import Arm, Vector
+from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AmbrosioFriction
 from jaxcrusher.mechanism.acting import AbstractPush, Push, PushByAngle, Spring
@@ -58,90 +59,127 @@ from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import Scene
-from jaxcrusher.mechanism.topology import FRAME, dyads_of
+from jaxcrusher.mechanism.topology import FRAME, dyads_of, other_body
 from jaxcrusher.scenes.build import drive_of, foundation_of, joint_of
-from jaxcrusher.scenes.echo import all_said
 from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.load_curve import load_curve, read_curve
 from jaxcrusher.scenes.machine import AbstractStructure, Machine
+from jaxcrusher.scenes.own_laws import is_own, law_numbers, require_one_law_each
 from jaxcrusher.scenes.parameters import (
     CHOICES,
     CHOICES_OF_A_JOINT,
-    NUMBERS,
     NUMBERS_OF_A_JOINT,
     PARAMETERS,
     Parameter,
     check_number,
     complete,
-    readable,
+    filled,
+    key_of,
+    unknown,
     within_limits,
 )
-from jaxcrusher.scenes.scene_file import (
-    DIAMETERS,
-    flattened,
-    key_of,
-    naming,
-    read_entries,
-    read_value,
-    unknown,
-)
+from jaxcrusher.scenes.plausibility import RULES_OF_FRAME, remarks_by, rules_of_joint
+from jaxcrusher.scenes.units import all_said, said
 
-_ANYWHERE = (-1e3, 1e3)
-_PLACE = Parameter(0.0, "m", "of a point in its body's axes", _ANYWHERE, 1.0)
+NEEDED = object()
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key of a description: a number, the laws to choose from, or None for what ties bodies.
+
+    What is no single number or choice has a `shape`: a "pair" of numbers, a "point" (a body and a
+    pair), a "body" or a "curve". A key stands where one of `comes_with` is there, a key or a key
+    with its choice, and if `by_curve` is not None in tables with a curve alone, or without one. One
+    whose default is None may be left out.
+    """
+
+    of: Parameter | tuple[str, ...] | None
+    shape: str = ""
+    default: Any = NEEDED
+    comes_with: tuple[str, ...] = ()
+    by_curve: bool | None = None
+
+
+def _usual(name: str, *comes_with: str) -> Key:
+    """A number of the crusher's, whose default counts where it is not given."""
+    return Key(PARAMETERS[name], default=PARAMETERS[name].default, comes_with=comes_with)
+
+
+_LOOSE = ("clearance",)
+_PLACE = Parameter(0.0, "m", "of a point in its body's axes", (-1e3, 1e3), 1.0)
 _DIRECTION = Parameter(0.0, "1", "of a direction", (-1e6, 1e6), 1.0)
 _FORCE = Parameter(0.0, "N", "of a force in the frame's axes", (-1e12, 1e12), 1e3)
-# Section -> its numbers, then its pairs of numbers; those not `_WITH_DEFAULT` are needed.
-_NUMBERS = {
+# Section of a file -> the keys of each of its tables. A body, a curve and the body of a point tie
+# the drawing together; all else are numbers and choices of the machine.
+SECTIONS: dict[str, dict[str, Key]] = {
     "bodies": {
-        "mass": Parameter(1.0, "kg", "of the body"),
-        "inertia": Parameter(1.0, "kg m2", "of the body about its mass centre"),
+        "mass": Key(Parameter(1.0, "kg", "of the body")),
+        "inertia": Key(Parameter(1.0, "kg m2", "of the body about its mass centre")),
+        "mass_centre": Key(_PLACE, "pair", None),
     },
-    "joints": {name: PARAMETERS[name] for name in NUMBERS_OF_A_JOINT}
-    | {
-        "clearance": Parameter(0.06e-3, "m", "radial clearance c of the joint"),
-        "bore_radius": Parameter(0.13, "m", "radius R_i of the bore"),
-        "static_speed": Parameter(0.1, "m/s", "v0 of the friction law"),
-        "full_speed": Parameter(1.0, "m/s", "v1 of the friction law"),
+    "joints": {
+        "bore": Key(_PLACE, "point"),
+        "pin": Key(_PLACE, "point"),
+        "clearance": Key(Parameter(0.06e-3, "m", "radial clearance c"), default=None),
+        "bore_radius": Key(Parameter(0.13, "m", "radius R_i of the bore"), "", NEEDED, _LOOSE),
+        **{n: _usual(n, *_LOOSE) for n in NUMBERS_OF_A_JOINT[2:]},
+        "static_speed": Key(Parameter(0.1, "m/s", "v0 of the friction law"), "", 0.1, _LOOSE),
+        "full_speed": Key(Parameter(1.0, "m/s", "v1 of the friction law"), "", 1.0, _LOOSE),
+        **{n: Key(CHOICES[n], "", CHOICES[n][0], _LOOSE) for n in CHOICES_OF_A_JOINT},
+        **{n: _usual(n, "contact_law=rollers") for n in PARAMETERS if n.startswith("rollers.")},
     },
-    "slides": {},
-    "forces": {},
+    "slides": {
+        "body": Key(None, "body"),
+        "along": Key(_DIRECTION, "pair"),
+        "through": Key(_PLACE, "pair", None),
+    },
+    "forces": {
+        "body": Key(None, "body"),
+        "curve": Key(None, "curve", None),
+        "at": Key(_PLACE, "pair", None),
+        "force": Key(_FORCE, "pair", by_curve=False),
+        "along": Key(_DIRECTION, "pair", by_curve=True),
+    },
     "springs": {
-        "stiffness": Parameter(1e5, "N/m", "of the spring", (0, 1e15)),
-        "length": Parameter(0.1, "m", "of the spring without its preload", (0, 1e3)),
-        "damping": Parameter(0.0, "N s/m", "beside the spring", (0, 1e12), 1e3),
-        "preload": Parameter(0.0, "N", "pull of the spring at its length", (-1e12, 1e12), 1e3),
+        "begin": Key(_PLACE, "point"),
+        "end": Key(_PLACE, "point"),
+        "stiffness": Key(Parameter(1e5, "N/m", "of the spring", (0, 1e15))),
+        "length": Key(Parameter(0.1, "m", "of the spring without its preload", (0, 1e3))),
+        "damping": Key(Parameter(0.0, "N s/m", "beside the spring", (0, 1e12), 1e3), default=0.0),
+        "preload": Key(
+            Parameter(0.0, "N", "pull of the spring at its length", (-1e12, 1e12), 1e3),
+            default=0.0,
+        ),
     },
-    "points": {},
+    "points": {"": Key(_PLACE, "point")},
 }
-_PAIRS = {
-    "bodies": {"mass_centre": _PLACE},
-    "slides": {"along": _DIRECTION, "through": _PLACE},
-    "forces": {"at": _PLACE, "force": _FORCE, "along": _DIRECTION},
+_G = ("foundation.x", "foundation.y")  # where the frame's mass centre is; the point of its moment
+_SUPPORTS = [n for n in complete({"foundation.mass": 1.0}) if n.startswith("foundation.")]
+# What stands outside of these tables.
+TOP: dict[str, Key] = {
+    "speed": Key(PARAMETERS["speed"]),
+    "gravity": Key(PARAMETERS["gravity"], default=None),
+    "speed_fluctuation": Key(PARAMETERS["speed_fluctuation"], default=None),
+    **{n: _usual(n, "speed_fluctuation") for n in ("fluctuation_order", "fluctuation_phase")},
+    **{n: Key(CHOICES[n], default=None) for n in ("start", "formulation")},
+    "foundation.mass": Key(PARAMETERS["foundation.mass"], default=None),
+    **{n: _usual(n, "foundation.mass", *_G) for n in _G},
+    **{
+        n: Key(PARAMETERS[n], comes_with=("foundation.mass",))
+        for n in _SUPPORTS
+        if n not in ("foundation.mass", *_G)
+    },
 }
-# Of points of bodies: a body, and a pair.
-_POINTS = {"joints": ("bore", "pin"), "springs": ("begin", "end")}
-_CHOICES = {name: CHOICES[name] for name in ("start", "formulation")}
-_TOP = ("speed", "speed_fluctuation", "fluctuation_order", "fluctuation_phase", "gravity")
-_UNEVEN = _TOP[1:4]
-# What a loose joint takes from the paper's joint.
-_BORROWED = tuple(n for n in _NUMBERS["joints"] if n not in ("clearance", "bore_radius"))
-# Numbers whose default counts where they are not given.
-_WITH_DEFAULT = (*_BORROWED, "damping", "preload")
-# Numbers and choices that come with a joint's clearance.
-_OF_LOOSE = ("bore_radius", *_BORROWED, *CHOICES_OF_A_JOINT)
-_SECTIONS = (*_NUMBERS, "foundation", "assembly")
-_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
-# Where the frame's G is; of a clamped frame, the point of its moment.
-_PLACE_OF_FRAME = ("foundation.x", "foundation.y")
-# Supports of the frame: what a file must give of them, besides where the frame's G is.
-_SUPPORTS = tuple(
-    name for name in complete({"foundation.mass": 1.0}) if name.startswith("foundation.")
+_PLACED = ("pair", "point")
+# Numbers of a joint of which the first is less than the second.
+_LESS = (
+    ("clearance", "bore_radius"),
+    ("static_speed", "full_speed"),
+    ("rollers.diameter", "rollers.pitch_diameter"),
 )
-# A number -> those that come with it, besides a loose joint's.
-_BROUGHT = {
-    "speed_fluctuation": _UNEVEN[1:],
-    "foundation.mass": [n for n in _SUPPORTS if n not in ("foundation.mass", *_PLACE_OF_FRAME)],
-}
+_OF_SPRING = ("stiffness", "length", "damping", "preload")
+_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True)
@@ -165,8 +203,8 @@ class Drawing(AbstractStructure):
         """Return the scene of these numbers, which may be traced.
 
         A number that only `jax.jit` knows and that lies outside its limits becomes NaN. Raises
-        ValueError as `complete` does, for a known one outside its limits, and for an unknown
-        choice.
+        ValueError as `complete` does, for a known one outside its limits, for an unknown choice,
+        and for links that do not close, whatever way the clearances let the pins move.
         """
         v = self._within_limits(self.complete(values))
         bearings = {
@@ -174,6 +212,7 @@ class Drawing(AbstractStructure):
             for name, *_ in self.joints
             if f"joints.{name}.clearance" in v
         }
+        require_closing(self.linkage(v), {name: one.clearance for name, one in bearings.items()})
         return Scene(
             linkage=self.linkage(v),
             bearings=Named(bearings),
@@ -186,6 +225,23 @@ class Drawing(AbstractStructure):
             points=Named({name: _point(v, f"points.{name}", body) for name, body in self.points}),
         )
 
+    @cached_property
+    def keys(self) -> Mapping[str, Key]:
+        """Return the numbers and choices that the linkage may have, by name."""
+        found, curved = dict(TOP), {name for name, _, curve in self.forces if curve is not None}
+        for section, words in SECTIONS.items():
+            for item in (one if section == "bodies" else one[0] for one in getattr(self, section)):
+                stands = (None, section == "forces" and item in curved)
+                for word, key in words.items():
+                    at, opening = f"{section}.{item}.", key.comes_with
+                    own = replace(key, comes_with=tuple(at + one for one in opening))
+                    if key.shape in _PLACED and key.by_curve in stands:
+                        zero = replace(own, default=None)
+                        found |= {f"{at}{word}".rstrip(".") + axis: zero for axis in (".x", ".y")}
+                    elif not key.shape:
+                        found[at + word] = own
+        return found
+
     def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return numbers and choices, with the defaults of those that others bring along.
 
@@ -193,56 +249,58 @@ class Drawing(AbstractStructure):
         without what it belongs to, and for what is missing of the drive, of a body, of a spring, of
         a loose joint or of supports.
         """
-        known, v = self._always_known(), dict(values)
-        if not v.keys().isdisjoint(("foundation.mass", *_PLACE_OF_FRAME)):
-            v = dict.fromkeys(_PLACE_OF_FRAME, 0.0) | v
-        if "speed_fluctuation" in v:
-            v = {name: PARAMETERS[name].default for name in _UNEVEN} | v
-        loose = {
-            f"joints.{joint}.clearance": [f"joints.{joint}.{of}" for of in _OF_LOOSE]
-            for joint, *_ in self.joints
-        }
-        for first, names in (_BROUGHT | loose).items():
-            for name in names:
-                require(first in v or name not in v, name, f"come with {first}", "alone")
-                require(first not in v or name in v, name, f"be given with {first}", "missing")
-            known += [first, *names] if first in v else []
-        for name in v:
-            if name not in known:
-                raise unknown(name, tuple(known))
-        for name in ("speed", *self._of_bodies_and_springs()):
-            require(name in v, name, "be given", "missing")
-        return v
+        numbers, keys = self.numbers(values), self.keys
+        for name in values:
+            if name not in keys and name not in numbers:
+                raise unknown(name, (*numbers, *self.choices(values)))
+        defaults = {n: key.of if key.default is NEEDED else key.default for n, key in keys.items()}
+        return filled(values, defaults, lambda name: keys[name].comes_with if name in keys else ())
 
     def _within_limits(self, values: dict[str, Any]) -> dict[str, Any]:
         """Return numbers and choices, each of which is checked as one of a file is."""
-        choices = self.choices(values)
+        numbers, choices = self.numbers(values), self.choices(values)
+        require_one_law_each(values, law_numbers(values, self.keys))
         for name, value in values.items():
-            if name in choices:
-                _require_choice(name, value, choices[name])
-                continue
-            NUMBERS.setdefault(name, _parameter(name))
-            check_number(name, value)
-        return within_limits(values)
+            if name in numbers:
+                check_number(name, value, numbers)
+            elif not is_own(name, value):
+                require_choice(name, value, choices[name])
+        pairs = [
+            (f"joints.{joint}.{one}", operator.lt, f"joints.{joint}.{other}")
+            for joint, *_ in self.joints
+            for one, other in _LESS
+        ]
+        return within_limits(values, numbers, pairs)
 
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
-        """Return those that it has, given or not."""
-        names = dict.fromkeys((*self._always_known(), *values))
-        return {name: _parameter(name) for name in names if name not in self.choices(values)}
+        """Return those of its tables, and of the laws of one's own that the values name."""
+        own = {n: key.of for n, key in self.keys.items() if isinstance(key.of, Parameter)}
+        return own | law_numbers(values, self.keys)
 
     def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
         """Return those of the motion, and of loose joints."""
-        laws = CHOICES_OF_A_JOINT.items()
-        return _CHOICES | {
-            f"joints.{joint}.{of}": known for joint, *_ in self.joints for of, known in laws
-        }
+        return {n: key.of for n, key in self.keys.items() if isinstance(key.of, tuple)}
+
+    def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values but for the zeros of points and directions, which are never traced."""
+        both, places = {**given, **over}, {n for n, key in self.keys.items() if key.shape}
+        return {name: value for name, value in both.items() if value != 0 or name not in places}
+
+    def unusual(self, values: Mapping[str, Any]) -> list[str]:
+        """Return what may be a slip of the frame, of gravity and of loose joints."""
+        rules = [rule for name, *_ in self.joints for rule in rules_of_joint(f"joints.{name}.")]
+        return remarks_by((*RULES_OF_FRAME, *rules), self.complete(values), self.numbers(values))
 
     def left_open(self, machine: Machine) -> list[str]:
         """Return which numbers and sides the file leaves to defaults."""
-        values, names = machine.values, machine.defaults
-        told = [f"{name} {readable(name, values[name])}" for name in names if name in values]
-        told += [f"{name} 1" for name in names if name not in values]
+        values = machine.values
+        told = [f"{n} {said(n, values.get(n, 1), machine.units)}" for n in self._assumed(machine)]
         return [f"leaves {len(told)} numbers to defaults: {', '.join(told)}."] if told else []
+
+    def _assumed(self, machine: Machine) -> list[str]:
+        """Return the numbers of loose joints and the sides that a machine leaves to defaults."""
+        left = (n for n in machine.values if n in machine.numbers and n not in machine.given)
+        return [*(name for name in left if name.startswith("joints.")), *machine.defaults]
 
     def about(self, machine: Machine) -> dict[str, str]:
         """Return its masses and its foundation, and what is left to defaults."""
@@ -251,37 +309,13 @@ class Drawing(AbstractStructure):
         return {
             "masses": all_said(masses, machine.units),
             "foundation": all_said(given, machine.units) or "clamped",
-            "assumed": ", ".join(machine.defaults) or "nothing",
+            "assumed": ", ".join(self._assumed(machine)) or "nothing",
         }
 
     @property
     def record(self) -> dict[str, str]:
         """Return the drawing in words."""
         return {"drawing": repr(self)}
-
-    def _of_bodies_and_springs(self) -> list[str]:
-        """Return the names of the numbers that each body and each spring has."""
-        return [
-            *(f"bodies.{name}.{of}" for name in self.bodies for of in _NUMBERS["bodies"]),
-            *(f"springs.{name}.{of}" for name, *_ in self.springs for of in _NUMBERS["springs"]),
-        ]
-
-    def _always_known(self) -> list[str]:
-        """Return the names that are read whatever joints are loose and the frame stands on."""
-        pairs = [
-            *(f"bodies.{name}.mass_centre" for name in self.bodies),
-            *(f"joints.{name}.{end}" for name, *_ in self.joints for end in _POINTS["joints"]),
-            *(f"slides.{name}.{of}" for name, _ in self.slides for of in _PAIRS["slides"]),
-            *(f"forces.{name}.at" for name, *_ in self.forces),
-            *(f"forces.{name}.{'along' if curve else 'force'}" for name, _, curve in self.forces),
-            *(f"springs.{name}.{end}" for name, *_ in self.springs for end in _POINTS["springs"]),
-            *(f"points.{name}" for name, _ in self.points),
-        ]
-        return [
-            *(*_TOP, *_PLACE_OF_FRAME, *_CHOICES),
-            *self._of_bodies_and_springs(),
-            *(f"{pair}.{axis}" for pair in pairs for axis in "xy"),
-        ]
 
     def linkage(self, values: Mapping[str, Any]) -> Linkage:
         """Return bodies, joints and slides."""
@@ -303,16 +337,6 @@ class Drawing(AbstractStructure):
     def bearing(self) -> str:
         """Return the joint of crank and frame."""
         return next(n for n, *both in self.joints if {self.crank, FRAME} == set(both))
-
-
-def _parameter(name: str) -> Parameter:
-    """Return what is known of a number by its name, as of `joints.B.bore.x`."""
-    section, _, rest = name.partition(".")
-    if section not in _NUMBERS:
-        return NUMBERS[name]
-    key = rest.partition(".")[2]
-    pairs = _PAIRS.get(section, {})
-    return _NUMBERS[section].get(key) or pairs.get(key.rpartition(".")[0], _PLACE)
 
 
 def _arm(values: Mapping[str, Any], name: str) -> Arm:
@@ -337,14 +361,11 @@ def _bearing(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
         return bearing
     speeds = {name: values[f"{prefix}{name}"] for name in ("static_speed", "full_speed")}
     static, full = map(concrete, speeds.values())
-    if static is None or full is None:
-        in_order = speeds["static_speed"] < speeds["full_speed"]
-        speeds["static_speed"] = nan_unless(in_order, speeds["static_speed"])
-    else:
+    if static is not None and full is not None:
         good = bool((static < full).all())
         require(good, f"{prefix}static_speed", f"be less than full_speed {full} m/s", static)
-    friction = dataclasses.replace(bearing.friction, **speeds)
-    return dataclasses.replace(bearing, friction=friction)
+    friction = replace(bearing.friction, **speeds)
+    return replace(bearing, friction=friction)
 
 
 def _push(values: Mapping[str, Any], name: str, body: str, curve: tuple | None) -> AbstractPush:
@@ -358,323 +379,219 @@ def _push(values: Mapping[str, Any], name: str, body: str, curve: tuple | None) 
 def _spring(values: Mapping[str, Any], name: str, begin: str, end: str) -> Spring:
     at = f"springs.{name}"
     ends = _point(values, f"{at}.begin", begin), _point(values, f"{at}.end", end)
-    return Spring(ends, *(values[f"{at}.{n}"] for n in _NUMBERS["springs"]))
+    return Spring(ends, *(values[f"{at}.{n}"] for n in _OF_SPRING))
 
 
-class _Reading:
-    """What the entries of a description come to, one after the other."""
+class _Tables:
+    """What a description has in its tables, from which the drawing takes what ties it together.
 
-    def __init__(self, entries: Iterable[tuple[str, Any]], number: Callable[[str, Any], float]):
-        self.number = number
-        self.values: dict[str, Any] = {}
-        self.defaults: list[str] = []  # names of numbers and sides that are not given
-        self.left: dict[str, Any] = {}
-        self.sections: dict[str, dict[str, dict[str, Any]]] = {name: {} for name in _SECTIONS}
-        self.written: dict[str, str] = {}  # name -> what is given, maybe a diameter
+    Raises ValueError for an unknown key, with near misses, and for a table with a name that is no
+    variable's.
+    """
+
+    def __init__(self, entries: Iterable[tuple[str, Any]], folder: Path):
+        self.folder = folder
+        # Numbers and choices, which are left in the end, and all else, by name.
+        self.entries: dict[str, Any] = {}
         for name, value in entries:
-            section, _, rest = name.partition(".")
-            if not rest or section == "foundation":
-                self.left[name] = value
-                continue
-            require_known(section, _SECTIONS)
-            item, _, key = rest.partition(".")
-            table = self.sections[section].setdefault(item, {})
-            radius = DIAMETERS.get(key, key) if section == "joints" else key
-            require(radius not in table, name, f"not stand beside {radius} or its double", "given")
-            table[radius] = value
-            self.written[f"{section}.{item}.{radius}"] = name
-        for section in _NUMBERS:
-            for item, keys in self.sections[section].items():
+            require(name not in self.entries, name, "be given once", "given twice")
+            self.entries[name] = value
+        self.items = {
+            section: tuple(dict.fromkeys(n.split(".")[1] for n in self.entries if n.startswith(at)))
+            for section, at in ((section, f"{section}.") for section in SECTIONS)
+        }
+        known = [
+            *("kind", "crank", *TOP, *(f"assembly.{name}" for name in self.items["bodies"])),
+            *(
+                f"{section}.{item}.{word}".rstrip(".")
+                for section, words in SECTIONS.items()
+                for item in self.items[section] or ("NAME",)
+                for word in words
+            ),
+        ]
+        own = {n.rpartition(".")[0] for n, value in self.entries.items() if is_own(n, value)}
+        for name in self.entries:
+            # The numbers of a law of one's own are known once it has been imported.
+            if key_of(name) not in known and name.rpartition(".")[0] not in own:
+                raise unknown(name, known)
+        for section, items in self.items.items():
+            for item in items:
                 must = "be named by letters, digits and _, as results and MATLAB's variables are"
                 require(bool(_NAME.fullmatch(item)), f"{section}.{item}", must, repr(item))
-                for key in keys:
-                    require_known(f"{section}.{item}.{key}".rstrip("."), _known(section, item))
-        for name in self.left:
-            require_known(name, ("kind", "crank", *_TOP, *_CHOICES, *_SUPPORTS))
 
-    def keep(self, name: str, value: Any) -> None:
-        """Keep a number, whose name is known from now on."""
-        NUMBERS[name] = _parameter(name)
-        self.values[name] = self.number(self.written.get(name, name), value)
+    def ties(self, section: str) -> tuple[Any, ...]:
+        """Return each table's name and what ties it: bodies, and of a force the curve's points."""
+        return tuple((item, *self._ties(section, item)) for item in self.items[section])
 
-    def pair(self, name: str, given: Any) -> None:
-        """Keep the two numbers of a point or a vector but for zeros."""
-        good = isinstance(given, list | tuple) and len(given) == 2
-        require(good, name, f"be a pair [x, y] in {_parameter(f'{name}.x').unit}", repr(given))
-        for axis, one in zip("xy", given, strict=True):
-            self.keep(f"{name}.{axis}", one)
-            if self.values[f"{name}.{axis}"] == 0:
-                del self.values[f"{name}.{axis}"]
+    def _ties(self, section: str, item: str) -> list[Any]:
+        at, found = f"{section}.{item}", []
+        curved = f"{at}.curve" in self.entries
+        for word, key in SECTIONS[section].items():
+            name = f"{at}.{word}".rstrip(".")
+            if not key.shape:
+                continue
+            value = self.entries.pop(name, None)
+            if key.shape == "body":
+                found.append(self.body(name, value))
+            elif key.shape == "curve":
+                found.append(None if value is None else _curve(name, value, self.folder))
+            elif key.by_curve in (None, curved):
+                found += self.placed(name, key, value)
+            else:
+                must = f"not stand beside `{at}.curve`" if curved else f"come with `{at}.curve`"
+                require(value is None, name, must, "given" if curved else "alone")
+        if section in ("joints", "springs"):
+            require(found[0] != found[1], at, "join two bodies", f"of {found[0]} alone")
+        return found
 
-    def point(self, name: str, given: Any) -> str:
-        """Keep a point of a body, and return the body."""
-        good = isinstance(given, list | tuple) and len(given) == 3
-        require(good, name, "be a point [body, x, y]", "missing" if given is None else repr(given))
-        assert given is not None
-        body, *pair = given
-        self.body(name, body)
-        self.pair(name, pair)
+    def placed(self, name: str, key: Key, value: Any) -> list[str]:
+        """Leave the two numbers of a pair or a point to be read, and return the point's body."""
+        if value is None and key.default is None:
+            return []
+        assert isinstance(key.of, Parameter)
+        is_point = key.shape == "point"
+        must = "be a point [body, x, y]" if is_point else f"be a pair [x, y] in {key.of.unit}"
+        good = isinstance(value, list | tuple) and len(value) == 2 + is_point
+        require(good, name, must, "missing" if value is None else repr(value))
+        assert value is not None
+        body = [self.body(name, value[0])] if is_point else []
+        self.entries |= {f"{name}.x": value[-2], f"{name}.y": value[-1]}
         return body
-
-    def ends(self, section: str, item: str) -> tuple[str, str]:
-        """Keep the two points of a joint or a spring, and return their bodies."""
-        at, keys = f"{section}.{item}", self.sections[section][item]
-        one, other = (self.point(f"{at}.{end}", keys.pop(end, None)) for end in _POINTS[section])
-        require(one != other, at, "join two bodies", f"of {one} alone")
-        return one, other
 
     def body(self, name: str, body: Any) -> str:
         """Return a body's name, if there is such a body."""
-        known = (*self.sections["bodies"], FRAME)
+        known = (*self.items["bodies"], FRAME)
         must = f"name a body: {', '.join(known)}"
         require(body in known, name, must, "missing" if body is None else repr(body))
         return str(body)
 
-    def numbers(self, section: str, item: str) -> None:
-        """Keep the numbers of an item; one without a default must be there."""
-        for key, parameter in _NUMBERS[section].items():
-            name, given = f"{section}.{item}.{key}", self.sections[section][item].pop(key, None)
-            if given is None and key in _WITH_DEFAULT:
-                NUMBERS[name], self.values[name] = parameter, parameter.default
-                self.defaults += [name] if section == "joints" else []
-                continue
-            require(given is not None, name, f"be given in {parameter.unit}", "missing")
-            self.keep(name, given)
-
-    def ended(self) -> None:
-        """Check that all has been used: a radius of a joint without clearance would be in vain."""
-        for section in _NUMBERS:
-            for item, keys in self.sections[section].items():
-                for key in keys:
-                    must = "come with what it belongs to, as a clearance or a curve"
-                    require(False, f"{section}.{item}.{key}", must, "alone")
-
-
-def _known(section: str, item: str) -> list[str]:
-    """Return the keys that a table of a section may have."""
-    if section == "points":
-        return [f"points.{item}"]
-    keys = [*_NUMBERS[section], *_PAIRS.get(section, ()), *_POINTS.get(section, ())]
-    further = {
-        "joints": tuple(CHOICES_OF_A_JOINT),
-        "forces": ("body", "curve"),
-        "slides": ("body",),
-    }
-    return [f"{section}.{item}.{key}" for key in (*keys, *further.get(section, ()))]
-
-
-def _joints(reading: _Reading) -> tuple[tuple[str, str, str], ...]:
-    """Read joints, and the numbers and laws of loose ones."""
-    found = []
-    for item, keys in reading.sections["joints"].items():
-        found.append((item, *reading.ends("joints", item)))
-        if "clearance" not in keys:
-            continue
-        reading.numbers("joints", item)
-        for key, laws in CHOICES_OF_A_JOINT.items():
-            name = f"joints.{item}.{key}"
-            CHOICES[name] = laws  # known from now on, as numbers are
-            reading.values[name] = law = keys.pop(key, laws[0])
-            _require_choice(name, law, laws)
-    return tuple(found)
-
-
-def _require_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
-    """Raise ValueError for a law that is none of the package, also for a class of one's own."""
-    own = isinstance(value, str) and ":" in value
-    must = "name a law of the package (one of your own is put into the joint of a scene in Python)"
-    require(not own, name, must, value)
-    require_choice(name, value, choices)
+    def sides(self, dyads: Iterable[Any]) -> tuple[tuple[int, ...], list[str]]:
+        """Return the side of each dyad, seen from its first body, and which are not given: 1."""
+        named = [name for name in self.entries if name.startswith("assembly.")]
+        given = {name.partition(".")[2]: self.entries.pop(name) for name in named}
+        for body, side in given.items():
+            good = not isinstance(side, bool) and side in (-1, 1)
+            require(good, f"assembly.{body}", "be 1 or -1", repr(side))
+        sides, left = [], []
+        for dyad in dyads:
+            slid = dyad.second_joint in self.items["slides"]
+            seen = {dyad.first: 1, dyad.second: 1 if slid else -1}
+            told = {seen[body] * given.pop(body) for body in seen if body in given}
+            left += [] if told else [f"assembly.{dyad.first}"]
+            both = f"two by {dyad.first} and {dyad.second}"
+            require(len(told) < 2, f"assembly.{dyad.first}", "be one side of a dyad", both)
+            sides.append(int(told.pop()) if told else 1)
+        for body in given:
+            require(False, f"assembly.{body}", "name a body of a dyad", "none")
+        return tuple(sides), left
 
 
 def drawn(
-    entries: Iterable[tuple[str, Any]],
-    number: Callable[[str, Any], float],
-    folder: Path = Path(),
-) -> Machine:
-    """Return the machine of a description.
+    entries: Iterable[tuple[str, Any]], folder: Path = Path()
+) -> tuple[Drawing, list[tuple[str, Any]], list[str]]:
+    """Return the drawing of a description, its numbers and choices, and which sides it leaves out.
 
-    Raises ValueError of one line for a key that is unknown or missing, a body that there is not,
-    bodies that are no dyads, and links that do not close at some angle of the crank.
+    The numbers and choices are as they are written, each by its name. Raises ValueError of one line
+    for a key that is unknown, a body that there is not, and bodies that are no dyads.
     """
-    reading = _Reading(entries, number)
-    bodies = tuple(reading.sections["bodies"])
+    tables = _Tables(entries, folder)
+    bodies = tables.items["bodies"]
     require(bool(bodies), "bodies", "have a table [bodies.NAME] each", "missing")
     require(FRAME not in bodies, "bodies", f"have other names than {FRAME!r}", repr(FRAME))
-    crank = str(reading.left.pop("crank", "missing"))
+    crank, _ = str(tables.entries.pop("crank", "missing")), tables.entries.pop("kind", None)
     must = f"name the body that the drive turns: {', '.join(bodies)}"
     require(crank in bodies, "crank", must, crank)
-    for item, keys in reading.sections["bodies"].items():
-        reading.numbers("bodies", item)
-        reading.pair(f"bodies.{item}.mass_centre", keys.pop("mass_centre", [0, 0]))
-    joints = _joints(reading)
+    tied = {section: tables.ties(section) for section in SECTIONS}
+    joints, slides, forces = tied["joints"], tied["slides"], tied["forces"]
     held = any({crank, FRAME} == {bore, pin} for _, bore, pin in joints)
     require(held, "crank", "have a joint to the frame", f"{crank!r} without one")
-    slides, forces, springs = [], [], []
-    for item, keys in reading.sections["slides"].items():
-        at = f"slides.{item}"
-        slides.append((item, reading.body(f"{at}.body", keys.pop("body", None))))
-        reading.pair(f"{at}.along", keys.pop("along", None))
-        reading.pair(f"{at}.through", keys.pop("through", [0, 0]))
-    for item, keys in reading.sections["forces"].items():
-        at, curve = f"forces.{item}", None
-        body = reading.body(f"{at}.body", keys.pop("body", None))
-        require(body != FRAME, f"{at}.body", "be a body that moves", repr(FRAME))
-        reading.pair(f"{at}.at", keys.pop("at", [0, 0]))
-        if "curve" in keys:
-            curve = _curve(at, keys.pop("curve"), folder)
-            reading.pair(f"{at}.along", keys.pop("along", None))
-        else:
-            reading.pair(f"{at}.force", keys.pop("force", None))
-        forces.append((item, body, curve))
-    for item in reading.sections["springs"]:
-        springs.append((item, *reading.ends("springs", item)))
-        reading.numbers("springs", item)
-    points = [
-        (item, reading.point(f"points.{item}", keys.pop("", None)))
-        for item, keys in reading.sections["points"].items()
-    ]
-    _whole(reading)
-    names = tuple((name, FRAME, body) for name, body in slides)
-    dyads = dyads_of((*joints, *names), tuple(n for n, _ in slides), bodies, crank)
-    drawing = Drawing(
-        crank,
-        bodies,
-        joints,
-        tuple(slides),
-        tuple(forces),
-        tuple(springs),
-        tuple(points),
-        _sides(reading, dyads),
-    )
-    reading.ended()
-    values = drawing.complete(reading.values)
-    require_closing(drawing.scene(values))
-    return Machine(drawing, values, defaults=tuple(reading.defaults))
+    for item, body, _ in forces:
+        require(body != FRAME, f"forces.{item}.body", "be a body that moves", repr(FRAME))
+    ends = (*joints, *((name, FRAME, body) for name, body in slides))
+    sides, left = tables.sides(dyads_of(ends, tuple(n for n, _ in slides), bodies, crank))
+    drawing = Drawing(**tied | {"crank": crank, "bodies": bodies, "sides": sides})
+    return drawing, list(tables.entries.items()), left
 
 
-def _whole(reading: _Reading) -> None:
-    """Read what stands outside of tables: the drive, gravity, the start, and the supports."""
-    left = reading.left
-    left.pop("kind", None)
-    require("speed" in left, "speed", "be given, as in '5000 rpm'", "missing")
-    for name in (*_TOP, *_SUPPORTS):
-        if name in left:
-            reading.values[name] = reading.number(name, left.pop(name))
-    for name, choices in _CHOICES.items():
-        if name in left:
-            require_choice(name, left[name], choices)
-            reading.values[name] = left.pop(name)
-
-
-def _sides(reading: _Reading, dyads: Iterable[Any]) -> tuple[int, ...]:
-    """Return the side of each dyad, seen from its first body; 1 where none is given."""
-    given = {body: keys.get("", keys) for body, keys in reading.sections["assembly"].items()}
-    for body, side in given.items():
-        good = not isinstance(side, bool) and side in (-1, 1)
-        require(good, f"assembly.{body}", "be 1 or -1", repr(side))
-    sides = []
-    for dyad in dyads:
-        slid = dyad.second_joint in reading.sections["slides"]
-        seen = {dyad.first: 1, dyad.second: 1 if slid else -1}
-        said = {seen[body] * given.pop(body) for body in seen if body in given}
-        reading.defaults += [] if said else [f"assembly.{dyad.first}"]
-        both = f"two by {dyad.first} and {dyad.second}"
-        require(len(said) < 2, f"assembly.{dyad.first}", "be one side of a dyad", both)
-        sides.append(int(said.pop()) if said else 1)
-    for body in given:
-        require(False, f"assembly.{body}", "name a body of a dyad", "none")
-    return tuple(sides)
-
-
-def _curve(at: str, given: Any, folder: Path) -> tuple:
+def _curve(name: str, given: Any, folder: Path) -> tuple:
     """Return the points of a curve, a file's or an array's, as tuples."""
-    with renamed(load_curve=f"{at}.curve"):
+    with renamed(load_curve=name):
         points = read_curve(folder / given if isinstance(given, str | Path) else given)
         load_curve(points)
     return tuple(map(tuple, points.tolist()))
 
 
 # Least sine of the angle between two links, or between a link and the perpendicular of its slide. A
-# linkage that passes a dead point comes as close to zero within half a degree of its crank.
+# linkage that passes a dead point comes as close to zero within half a degree of its crank, and
+# contacts let pins go a little further than their clearance.
 LEAST_LEVER = 0.02
 
 
 @eqx.filter_jit
-def _levers(linkage: Linkage, angles: Any) -> list[Any]:
-    """Return that sine of each dyad at angles of the crank; it is NaN where a dyad is open."""
+def _levers(linkage: Linkage, clearances: Mapping[str, Any], angles: Any) -> list[tuple]:
+    """Return that sine of each dyad at angles of the crank, and the least by all eccentricities.
 
-    def one(angle: Any) -> list[Any]:
+    It is NaN where a dyad is open. The pin of a loose joint is anywhere in its clearance, so that
+    the outer joints of a dyad come nearer to each other, or farther apart, by `total` at most: by
+    what moves them, and by the clearances of its three joints. The least sine is that of an end of
+    that interval. Where it is s, a link of length l turns by total / (l s) at most on the way.
+    """
+
+    def play(*joints: str) -> Any:
+        return sum(clearances.get(name, 0.0) for name in joints)
+
+    def one(angle: Any) -> list[tuple]:
         motion, found = ideal_at_rest(linkage, angle), []
+        zero = Vector(jnp.zeros(()), jnp.zeros(()))
+        # Body -> one of its points, by how much that may be off, m, and the body be turned, rad.
+        reach = {FRAME: (zero, 0.0, 0.0), linkage.crank: (zero, play(linkage.bearing), 0.0)}
+
+        def outer(joint: str, body: str) -> tuple[Vector, Any]:
+            at = motion.position(Point(body, linkage.side_of(joint, body)))
+            place, off, turned = reach[other_body(linkage.ends, joint, body)]
+            return at, off + norm(at - place, 0.0) * turned + play(joint)
+
         for dyad in linkage.dyads:
-
-            def at(joint: str, body: str) -> Vector:
-                return motion.position(Point(body, linkage.side_of(joint, body)))
-
-            meeting = at(dyad.meeting, dyad.first)
-            u = meeting - at(dyad.first_joint, dyad.first)
+            meeting = motion.position(Point(dyad.first, linkage.side_of(dyad.meeting, dyad.first)))
+            begin, off = outer(dyad.first_joint, dyad.first)
+            u, total = meeting - begin, off + play(dyad.meeting)
+            length = norm(u, 0.0)
             if dyad.second_joint in linkage.slides:
-                v = linkage.slide(dyad.second_joint).direction.perp()
+                end, off_end, other = meeting, off, None  # which slides
+                share = jnp.abs(linkage.slide(dyad.second_joint).direction.cross(u)) / length
+                cosines = jnp.array([share, share + total / length])
             else:
-                v = at(dyad.second_joint, dyad.second) - meeting
-            found.append(jnp.abs(u.cross(v)) / jnp.sqrt(u.dot(u) * v.dot(v)))
+                end, off_end = outer(dyad.second_joint, dyad.second)
+                other, apart = norm(end - meeting, 0.0), norm(end - begin, 0.0)
+                total = total + off_end
+                spans = jnp.array([apart, jnp.maximum(apart - total, 0.0), apart + total])
+                cosines = (length**2 + other**2 - spans**2) / (2 * length * other)
+            levers = jnp.sqrt(1 - cosines**2)
+            least = jnp.min(levers)
+            found.append((levers[0], least))
+            reach[dyad.first] = begin, off, total / (length * least)
+            slid = meeting, total + total / least, 0.0
+            reach[dyad.second] = slid if other is None else (end, off_end, total / (other * least))
         return found
 
     return jax.vmap(one)(angles)
 
 
-def require_closing(scene: Scene) -> None:
-    """Raise ValueError for known numbers by which a dyad is open, or dead, at some degree."""
-    linkage = scene.linkage
-    if not is_concrete(linkage):
+def require_closing(linkage: Linkage, clearances: Mapping[str, Any]) -> None:
+    """Raise ValueError for known numbers by which a dyad is open, or dead, at some degree.
+
+    The pins of loose joints may be anywhere in their clearance meanwhile.
+    """
+    if not is_concrete((linkage, clearances)):
         return
-    levers = _levers(linkage, jnp.radians(jnp.arange(360.0)))
-    for dyad, lever in zip(linkage.dyads, map(np.asarray, levers), strict=True):
+    with jax.ensure_compile_time_eval():
+        levers = _levers(linkage, clearances, jnp.radians(jnp.arange(360.0)))
+    for dyad, both in zip(linkage.dyads, levers, strict=True):
         must = f"let {dyad.first} and {dyad.second} meet at every angle of the crank"
-        for bad, told in (
-            (np.isnan(lever), "open"),
-            (lever < LEAST_LEVER, "at a dead point, from which they may go on either way,"),
-        ):
-            value = f"{told} at a crank angle of {np.argmax(bad)} deg"
-            require(not bad.any(), "bodies", must, value)
-
-
-def _number(name: str, value: Any) -> float:
-    """Return a number as Python gives it: in SI units, or a text with its unit."""
-    if isinstance(value, str):
-        return float(read_value(name, value))
-    key = key_of(name)
-    check_number(key, value)
-    return float(value) if key == name else float(value) / 2  # a diameter
-
-
-def linkage_machine(**description: Any) -> Machine:
-    """Return a linkage as a machine: the tables of a file as keywords, numbers in SI units.
-
-    **Arguments:** as in a file of `kind = "linkage"` (see `jaxcrusher.scenes.linkages`), each table
-    a mapping: `crank`, `speed`, `bodies`, `joints`, `slides`, `forces`, `springs`, `points`,
-    `assembly`, `foundation`. A number is in SI units, or a text with its unit.
-
-    **Returns:** a `Machine`, for sweeps, maps, identification and the search.
-
-    Raises ValueError of one line as `drawn` does.
-    """
-    return drawn(flattened(description), _number)
-
-
-def linkage(**description: Any) -> Scene:
-    """Return the scene of a linkage; arguments and errors as of `linkage_machine`."""
-    read = linkage_machine(**description)
-    assert isinstance(read.structure, Drawing)
-    return read.structure.scene(read.given)
-
-
-def read_linkage(path: Path | str) -> Machine:
-    """Return the machine of a file of `kind = "linkage"`.
-
-    Raises ValueError of one line, with the file and the key, as `drawn` and `read_scene_file` do.
-    """
-    path = Path(path)
-    entries = read_entries(path)
-    with naming(path):
-        return drawn(entries, lambda name, value: float(read_value(name, value)), path.parent)
+        for lever, where in zip(map(np.asarray, both), ("", " with all clearances"), strict=True):
+            for bad, told in (
+                (np.isnan(lever), "open"),
+                (lever < LEAST_LEVER, "at a dead point, from which they may go on either way,"),
+            ):
+                value = f"{told} at a crank angle of {np.argmax(bad)} deg"
+                require(not bad.any(), "bodies", must + where, value)

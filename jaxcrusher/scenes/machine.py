@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.files.results import tell
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.scenes.parameters import NUMBERS, Parameter
+from jaxcrusher.scenes.parameters import DRAWN_IN, NUMBERS, Parameter
 
 
 class AbstractStructure(abc.ABC):
@@ -41,11 +41,18 @@ class AbstractStructure(abc.ABC):
 
     @abc.abstractmethod
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
-        """Return unit, meaning and limits of the numbers that a machine with these values has."""
+        """Return unit, meaning and limits of the numbers that a machine with these values may have.
+
+        The values name laws of one's own, whose numbers are among them.
+        """
 
     @abc.abstractmethod
     def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
         """Return what may be chosen, by name."""
+
+    def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values that a file gives and those that stand in the place of some of them."""
+        return {**given, **over}
 
     @property
     def record(self) -> dict[str, str]:
@@ -137,13 +144,13 @@ class Machine:
 
     `machine.scene()` is its scene, `machine.scene(speed=300.0)` that of other numbers, which may be
     traced, and `machine.replace(start="contact")` another machine. `given` are the numbers (SI
-    units) and choices that were given; `units` has the units that they were written in, by name,
+    units) and choices that were given; `written` has the units that they were written in, by name,
     and `defaults` names of those that a file left open.
     """
 
     structure: AbstractStructure
     given: Mapping[str, Any] = field(default_factory=dict)
-    units: dict[str, str] = field(default_factory=dict)
+    written: dict[str, str] = field(default_factory=dict)
     defaults: tuple[str, ...] = ()
 
     @cached_property
@@ -151,10 +158,22 @@ class Machine:
         """Return all numbers and choices, with the defaults of those that were not given."""
         return self.structure.complete(self.given)
 
-    @property
+    @cached_property
     def numbers(self) -> Mapping[str, Parameter]:
-        """Return unit, meaning and limits of its numbers, by name."""
-        return self.structure.numbers(self.values)
+        """Return unit, meaning and limits of the numbers that it may be given, by name."""
+        return self.structure.numbers(self.given)
+
+    @cached_property
+    def choices(self) -> Mapping[str, tuple[str, ...]]:
+        """Return what may be chosen, by name."""
+        return self.structure.choices(self.given)
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Return the units that its numbers are shown in: those written, and of its own numbers."""
+        own = {n: one.unit for n, one in self.numbers.items() if n not in NUMBERS}
+        drawn = {n: DRAWN_IN.get(of, (1.0, of))[1] for n, of in own.items() if of != "1"}
+        return drawn | self.written
 
     def scene(self, **values: Any) -> AbstractScene:
         """Return the scene of these numbers and choices, and of the machine's own for the others.
@@ -195,7 +214,7 @@ class Machine:
     def replace(self, **values: Any) -> "Machine":
         """Return the machine with other numbers and choices; ValueError as `complete` does."""
         left = tuple(name for name in self.defaults if name not in values)
-        made = Machine(self.structure, {**self.given, **values}, self.units, left)
+        made = Machine(self.structure, {**self.given, **values}, self.written, left)
         assert made.values is not None  # asked for now, so that errors come here
         return made
 

@@ -1,7 +1,7 @@
 """Laws of one's own, named `module:Class` in a description.
 
 A law is an Equinox module in a file of the user's. Each of its fields is a number of the
-description, with the unit of the field's metadata:
+description, with the SI unit of the field's metadata:
 
     stiffness: Scalar = eqx.field(converter=scalar, metadata={"unit": "N/m"})
 
@@ -17,7 +17,7 @@ import importlib
 import inspect
 import itertools
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -32,20 +32,16 @@ from jaxcrusher.joint.normal import AbstractNormalForce
 from jaxcrusher.scenes.parameters import (
     FILES,
     NUMBERS,
-    PARAMETERS,
-    WORN_JOINTS,
     Parameter,
     check_description,
 )
+from jaxcrusher.scenes.units import size_of
 
-# Choice -> what its class must be, and the section of its numbers.
-_CONTACT = (AbstractNormalForce, AbstractBearing)
-OPEN: dict[str, tuple[tuple[type[eqx.Module], ...], str]] = {
-    "contact_law": (_CONTACT, "contact"),
+# Last word of a choice -> what its class must be, and where its numbers stand if it has no prefix.
+_KINDS: dict[str, tuple[tuple[type[eqx.Module], ...], str]] = {
+    "contact_law": ((AbstractNormalForce, AbstractBearing), "contact"),
     "friction_law": ((AbstractFriction,), "contact"),
     "load_law": ((AbstractLoad,), "crushing"),
-    **{f"{joint}.contact_law": (_CONTACT, joint) for joint in WORN_JOINTS},
-    **{f"{joint}.friction_law": ((AbstractFriction,), joint) for joint in WORN_JOINTS},
 }
 # Fields that are no numbers of a description.
 _PARTS = ("impact_velocity", "slip", "normal", "friction", "norm_width")
@@ -54,17 +50,17 @@ _ANY = (-1e300, 1e300)
 
 def is_own(name: str, value: Any) -> bool:
     """Return whether a value names a class."""
-    return name in OPEN and isinstance(value, str) and ":" in value
+    return name.rpartition(".")[2] in _KINDS and isinstance(value, str) and ":" in value
 
 
 def law_class(name: str, text: str, folder: Path = Path()) -> type[eqx.Module]:
-    """Return the class of a law and make its numbers known by `NUMBERS`.
+    """Return the class of a law.
 
     Its module is looked for where Python looks, and then in `folder`. Raises ValueError of one line
     for a module or a class that is not there, and for a class of another kind.
     """
     module, _, of = text.partition(":")
-    kinds, section = OPEN[name]
+    kinds, _ = _KINDS[name.rpartition(".")[2]]
     try:
         found: Any = getattr(_imported(module, folder), of, None)
     except Exception as error:  # the module is the user's, and may do anything while it is imported
@@ -73,10 +69,13 @@ def law_class(name: str, text: str, folder: Path = Path()) -> type[eqx.Module]:
     good = isinstance(found, type) and issubclass(found, kinds) and not inspect.isabstract(found)
     listed = " or ".join(kind.__name__ for kind in kinds)
     require(good, name, f"name a class of {listed} as module:Class", text)
-    for field in dataclasses.fields(found):
-        if field.name not in _PARTS:
-            _make_known(f"{section}.{field.name}", field, text)
     return found
+
+
+def _section(name: str) -> str:
+    """Return where the numbers of a law stand: `contact`, or `elbow` of its own contact law."""
+    head, _, last = name.rpartition(".")
+    return head or _KINDS[last][1]
 
 
 def _imported(module: str, folder: Path) -> Any:
@@ -92,41 +91,56 @@ def _imported(module: str, folder: Path) -> Any:
         return importlib.import_module(module)
 
 
-def _make_known(name: str, field: dataclasses.Field, text: str) -> None:
-    """Put a number of a law into the tables of numbers."""
+def law_numbers(values: Mapping[str, Any], known: Container[str] = NUMBERS) -> dict[str, Parameter]:
+    """Return the numbers, by name, of the laws of one's own that a description chooses.
+
+    A choice may be a row of several. What is `known` already is left out, as elbow.restitution.
+    Raises ValueError as `law_class` does, and for a field whose unit is none of the SI.
+    """
+    numbers = {}
+    for name, value in values.items():
+        for text in value if isinstance(value, tuple | list) else (value,):
+            for field in dataclasses.fields(law_class(name, text)) if is_own(name, text) else ():
+                key = f"{_section(name)}.{field.name}"
+                if field.name not in _PARTS and key not in known:
+                    numbers[key] = _number(key, field, text)
+    return numbers
+
+
+def _number(name: str, field: dataclasses.Field, text: str) -> Parameter:
+    """Return what is known of a field of a law."""
     unit = field.metadata.get("unit", "1")
+    must = "be of a law that gives its field an SI unit"
+    require(unit == "1" or size_of(unit) in (None, 1.0), name, must, f"in {unit!r}")
     meaning = field.metadata.get("meaning", f"{field.name} of {text}")
     default = field.default if isinstance(field.default, int | float) else np.nan
-    known = PARAMETERS.get(name)
-    if known is not None and known.limits is not _ANY:
-        return  # one of the joint's own numbers, such as elbow.restitution
     scale = 1.0 if not default or np.isnan(default) else None
-    PARAMETERS[name] = NUMBERS[name] = Parameter(float(default), unit, meaning, _ANY, scale)
+    return Parameter(float(default), unit, meaning, _ANY, scale)
 
 
-def make_known(entries: Iterable[tuple[str, Any]], folder: Path = Path()) -> None:
-    """Make the numbers of the laws known that a description names; as `law_class`."""
-    for name, value in entries:
-        for choice in value if isinstance(value, tuple | list) else (value,):
-            if is_own(name, choice):
-                law_class(name, choice, folder)
+def check_described(values: Mapping[str, Any]) -> Mapping[str, Parameter]:
+    """Check a crusher's description, whose laws may be one's own, and return what numbers it knows.
 
-
-def check_described(values: Mapping[str, Any]) -> None:
-    """Check a description, whose laws may be one's own; raises as `check_description` does.
-
-    Raises ValueError too for a number that two laws of one joint would take.
+    Raises ValueError as `check_description` does, and for a number that two laws of one joint would
+    take.
     """
-    make_known(values.items())
+    laws = law_numbers(values)
+    require_one_law_each(values, laws)
+    numbers = {**NUMBERS, **laws} if laws else NUMBERS
+    own = {name: value for name, value in values.items() if not is_own(name, value)}
+    check_description(own, numbers)
+    return numbers
+
+
+def require_one_law_each(values: Mapping[str, Any], laws: Mapping[str, Parameter]) -> None:
+    """Raise ValueError for a number of `law_numbers` that two laws of one joint would take."""
     taken: dict[str, str] = {}
-    for name, text in values.items():
+    for name, text in values.items() if laws else ():
         for field in dataclasses.fields(law_class(name, text)) if is_own(name, text) else ():
-            key = f"{OPEN[name][1]}.{field.name}"
+            key = f"{_section(name)}.{field.name}"
             other = taken.setdefault(key, text)
-            known = PARAMETERS.get(key)
-            clash = other != text and key in values and known is not None and known.limits is _ANY
+            clash = other != text and key in values and key in laws
             require(not clash, key, "be a number of one law", f"of {other} and of {text}")
-    check_description({name: value for name, value in values.items() if not is_own(name, value)})
 
 
 def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> Any:
@@ -134,8 +148,7 @@ def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> Any:
 
     Raises ValueError for a field that has neither a number nor a default.
     """
-    made, (_, section) = law_class(name, text), OPEN[name]
-    given = {}
+    made, section, given = law_class(name, text), _section(name), {}
     for field in dataclasses.fields(made):
         key = f"{section}.{field.name}"
         # Joints besides A have numbers and choices named as parts: what they stand for is known.

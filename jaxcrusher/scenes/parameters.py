@@ -5,8 +5,10 @@ PE250x400 of Wang, Cui, Wang, Appl. Sci. 2023, 13, 238, Tables 1 and 2.
 """
 
 import operator
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from types import MappingProxyType
 from typing import Any
 
 import jax.numpy as jnp
@@ -41,6 +43,7 @@ class Parameter:
     meaning: str
     limits: tuple[float, float] | None = None
     zero_scale: float | None = None
+    whole: bool = False  # nothing has slopes by a whole number
 
     @property
     def scale(self) -> float:
@@ -51,7 +54,7 @@ class Parameter:
 _TURN = (-2 * np.pi, 2 * np.pi)
 
 # Name -> default, unit, meaning and limits of every number of a crusher.
-PARAMETERS = {
+_PARAMETERS = {
     "speed": Parameter(30.0, "rad/s", "driving speed omega"),
     "clearance": Parameter(0.06e-3, "m", "radial clearance c of the main bearing"),
     "bore_radius": Parameter(0.13, "m", "radius R_i of the jaw's bore"),
@@ -106,7 +109,7 @@ NUMBERS_OF_A_JOINT = (
 def _worn(name: str, joint: str) -> Parameter:
     """The number of B, C or O; it has the main bearing's default, but for the bore's radius."""
     letter, (bore, pin) = LETTERS[joint], WORN_JOINTS[joint]
-    main = PARAMETERS[name]
+    main = _PARAMETERS[name]
     if name == "bore_radius":
         return Parameter(_BORES[joint], "m", f"radius of the {bore}'s bore at {letter}")
     if name == "clearance":
@@ -114,7 +117,7 @@ def _worn(name: str, joint: str) -> Parameter:
     return replace(main, meaning=f"{main.meaning.partition(';')[0]}, at {letter}")
 
 
-PARAMETERS |= {
+_PARAMETERS |= {
     f"{joint}.{name}": _worn(name, joint) for joint in WORN_JOINTS for name in NUMBERS_OF_A_JOINT
 }
 
@@ -122,7 +125,7 @@ PARAMETERS |= {
 # Defaults of a frame on supports are judged: 6 t with a block's soil under each side.
 _PLACE = (-100.0, 100.0)
 _POINT = ("foundation.x", "foundation.y")
-PARAMETERS |= {
+_PARAMETERS |= {
     "foundation.x": Parameter(0.0, "m", "frame's G, or point of its moment", _PLACE, 1.0),
     "foundation.y": Parameter(0.0, "m", "likewise, above C", _PLACE, 1.0),
     "foundation.mass": Parameter(6000.0, "kg", "of frame and block on supports; none: clamped"),
@@ -146,7 +149,7 @@ PARAMETERS |= {
 # Soil under the block, in place of springs and dampers; a scene has these names only where one of
 # the first two is given. Defaults are judged: sand of middling density.
 _SOIL = ("foundation.soil.shear_modulus", "foundation.soil.shear_wave_speed")
-PARAMETERS |= {
+_PARAMETERS |= {
     "foundation.soil.shear_modulus": Parameter(6e7, "Pa", "of the soil; or its wave speed"),
     "foundation.soil.shear_wave_speed": Parameter(180.0, "m/s", "of the soil; or its modulus"),
     "foundation.soil.density": Parameter(1800.0, "kg/m3", "of the soil"),
@@ -160,7 +163,7 @@ PARAMETERS |= {
 
 # The tension rod; a scene has these names only where one of its `openers` is given. The places of
 # its ends are judged: below the toggle, behind it at the frame.
-PARAMETERS |= {
+_PARAMETERS |= {
     "rod.stiffness": Parameter(0.0, "N/m", "of the tension rod's spring", (0, 1e12), 1e5),
     "rod.preload": Parameter(0.0, "N", "its tension at shaft angle 0", (0, 1e9), 1e4),
     "rod.damping": Parameter(0.0, "N s/m", "of the tension rod", (0, 1e12), 1e3),
@@ -173,7 +176,7 @@ PARAMETERS |= {
 # Of a roller bearing at A; a scene has these names only where `openers` says so. They are those of
 # one of `rollers.bearings` equal ones. Defaults are judged: the size 22324 fits the jaw's bore, its
 # ratings are near those of catalogues, and its rollers follow from the static rating by ISO 76.
-PARAMETERS |= {
+_PARAMETERS |= {
     "rollers.bearings": Parameter(2.0, "1", "equal bearings side by side", (1, 100)),
     "rollers.count": Parameter(30.0, "1", "rollers Z of a bearing, all rows", (3, 1000)),
     "rollers.length": Parameter(0.032, "m", "length l of a roller's contact"),
@@ -189,14 +192,16 @@ PARAMETERS |= {
 }
 
 # Of a shaft whose speed is uneven; a scene has these names only with the first of them.
-PARAMETERS |= {
+_PARAMETERS |= {
     "speed_fluctuation": Parameter(0.01, "1", "of the speed, a share of it; none: 0", (0, 0.99)),
-    "fluctuation_order": Parameter(1.0, "1", "a whole number, so often a turn", (1, 40)),
+    "fluctuation_order": Parameter(
+        1.0, "1", "a whole number, so often a turn", (1, 40), None, True
+    ),
     "fluctuation_phase": Parameter(0.0, "rad", "of the fluctuation at angle 0", _TURN, 1.0),
 }
 
 # Of a crushing load; a scene has these names only where `openers` says so.
-PARAMETERS |= {
+_PARAMETERS |= {
     "load_point": Parameter(0.3, "m", "from A towards B to where the load acts; none: S2", (0, 10)),
     # Judged: a bed of rock takes the jaw up over some twenty degrees.
     "load_edge": Parameter(np.radians(20.0), "rad", "of a closing load, half a sine", (1e-3, 1.5)),
@@ -204,11 +209,15 @@ PARAMETERS |= {
     # Judged: some ten lumps break in a stroke, each with a force of its own.
     "load_scatter": Parameter(0.1, "1", "standard deviation of the load, a share of it", (0, 1)),
     "load_bandwidth": Parameter(10.0, "1", "orders of the shaft up to which it is", (0.01, 40)),
-    "load_seed": Parameter(0.0, "1", "a whole number, one for each random feed", (0, 2**31), 100.0),
+    "load_seed": Parameter(
+        0.0, "1", "a whole number, one for each random feed", (0, 2**31), 100.0, True
+    ),
     # Judged: the mean of the resultant is then near the paper's 8.8 kN.
     "chamber.bed_modulus": Parameter(2e7, "Pa", "pressure of a bed pressed to nothing", (0, 1e12)),
     "chamber.bed_exponent": Parameter(2.0, "1", "of its compression ratio", (1, 10)),
 }
+
+PARAMETERS: Mapping[str, Parameter] = MappingProxyType(_PARAMETERS)
 
 # The crushing chamber: of the capacity, not of the motion. The paper gives its length, height and
 # loosening; its capacity of 9.41 m3/h at 25 rad/s implies 2b - s = 60.6 mm, and so this b with the
@@ -229,8 +238,16 @@ SITE = {
     "frame_mass": Parameter(1500.0, "kg", "of frame and fixed jaw, clamped; none: not known"),
 }
 
+# What a design search may vary in the place of the counterweight's mass and angle.
+MOMENTS = {
+    f"counterweight.moment_{where}": Parameter(
+        0.0, "kg m", f"of the counterweight about O, {where} O-A", (-1e4, 1e4), 1.0
+    )
+    for where in ("along", "across")
+}
+
 # Name -> what may be chosen, the paper's choice first.
-CHOICES = {
+_CHOICES = {
     "joint": ("clearance", "ideal"),
     **{name: tuple(laws) for name, laws in LAWS.items()},
 }
@@ -238,29 +255,34 @@ CHOICES = {
 # B and C are a toggle's seats, which have no rollers; O, and joints of other linkages, are not
 # written with rollers yet.
 CHOICES_OF_A_JOINT = {
-    name: tuple(choice for choice in CHOICES[name] if choice != "rollers")
+    name: tuple(choice for choice in _CHOICES[name] if choice != "rollers")
     for name in ("slip", "contact_law", "friction_law", "impact_law")
 }
-CHOICES |= {
+_CHOICES |= {
     f"{joint}.{name}": choices
     for joint in WORN_JOINTS
     for name, choices in CHOICES_OF_A_JOINT.items()
 }
+CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(_CHOICES)
 
 # Before the name of a point of the frame, whose value is its place from C, such as "1.2 m, -0.4 m".
 POINTS = "foundation.points."
 
 # Names whose value is a file, or in Python the array that it would hold.
-FILES = {"load_curve": "force over the shaft's angle: angle_deg, force_kN"}
+FILES: Mapping[str, str] = MappingProxyType(
+    {"load_curve": "force over the shaft's angle: angle_deg, force_kN"}
+)
 
-# Before the names of any linkage, which `NUMBERS` and `CHOICES` have once it has been read.
+# Before the names of any linkage.
 OF_LINKAGES = ("bodies.", "joints.", "slides.", "forces.", "springs.", "points.", "assembly.")
 
-# Every number that a scene file may have.
-NUMBERS = PARAMETERS | CHAMBER | SITE
+# Every number of a crusher; a scene file may not have the moments.
+NUMBERS: Mapping[str, Parameter] = MappingProxyType({**PARAMETERS, **CHAMBER, **SITE, **MOMENTS})
 
-# Whole numbers: nothing has slopes by them.
-WHOLE = ("fluctuation_order", "load_seed")
+# A diameter of a drawing -> the radius that it gives.
+DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"}
+
+WHOLE = tuple(name for name, parameter in NUMBERS.items() if parameter.whole)
 
 # A name, or the beginning of names -> what a description must have one of to have them: a name, or
 # the choice of a law.
@@ -336,28 +358,55 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     and for springs and dampers beside the soil that stands in their place.
     """
     instead = _replaced(values)
+    for name in values:
+        require(name not in instead, name, "not stand beside `foundation.soil`", "given")
+    left = {name: value for name, value in _DEFAULTS.items() if name not in instead}
+    return filled(values, left, openers)
+
+
+def filled(
+    values: Mapping[str, Any],
+    defaults: Mapping[str, Any],
+    openers: Callable[[str], tuple[str, ...]],
+) -> dict[str, Any]:
+    """Return values with the default of each name that they lack, if one of its openers is there.
+
+    An opener is a name, or a name with a choice; what has no openers is always there. A name whose
+    default is None may be left out. One that has no default has its `Parameter` there.
+
+    Raises ValueError for a name without any of its openers, and for one that has no default.
+    """
     there = {*values, *(f"{name}={v}" for name, v in values.items() if isinstance(v, str))}
 
     def belongs(name: str) -> bool:
-        return not openers(name) or any(opener in there for opener in openers(name))
+        opening = openers(name)
+        return not opening or any(one in there for one in opening)
 
     for name in values:
         require(belongs(name), name, f"come with `{(*openers(name), '')[0]}`", "alone")
-        require(name not in instead, name, "not stand beside `foundation.soil`", "given")
-    left = {name: value for name, value in _DEFAULTS.items() if name not in instead}
-    return {name: value for name, value in left.items() if belongs(name)} | dict(values)
+    found = {}
+    for name, default in defaults.items():
+        if name in values or default is None or not belongs(name):
+            continue
+        if isinstance(default, Parameter):
+            with_it = "".join(f" with `{one}`" for one in openers(name)[:1])
+            require(False, name, f"be given in {default.unit}{with_it}", "missing")
+        found[name] = default
+    return found | dict(values)
 
 
-def numbers_of(values: Mapping[str, Any]) -> list[str]:
-    """Return the names of numbers that the motion has slopes by, in the order of `NUMBERS`.
+def numbers_of(values: Mapping[str, Any], numbers: Mapping[str, Parameter] = NUMBERS) -> list[str]:
+    """Return the names of numbers that the motion has slopes by, in the order of `numbers`.
 
     Those of the chamber are among them where it is the load: a bed of rock.
     """
     none = {*WHOLE, *(() if values.get("load_law") == "chamber" else CHAMBER)}
-    return [name for name in NUMBERS if name in values and name not in none]
+    return [name for name in numbers if name in values and name not in none]
 
 
-def check_description(values: Mapping[str, Any]) -> None:
+def check_description(
+    values: Mapping[str, Any], numbers: Mapping[str, Parameter] = NUMBERS
+) -> None:
     """ValueError for an unknown name, a number outside its limits, or an unknown choice.
 
     Numbers are scalars or arrays; what is known only to `jax.jit` passes (see `within_limits`).
@@ -366,45 +415,56 @@ def check_description(values: Mapping[str, Any]) -> None:
     for name, value in values.items():
         if name in FILES or name.startswith(POINTS):
             continue
-        require(not name.startswith(OF_LINKAGES), name, "be of a linkage", "of a crusher")
+        refuse_others(name)
         require(name != "stroke", name, "be a scene file's, or shaft.eccentricity", "given")
         if name in CHOICES:
             require_choice(name, value, CHOICES[name])
             continue
-        require_known(name, (*NUMBERS, *CHOICES, *FILES))
-        check_number(name, value)
+        require_known(name, (*numbers, *CHOICES, *FILES))
+        check_number(name, value, numbers)
 
 
-def within_limits(values: Mapping[str, Any]) -> dict[str, Any]:
+def refuse_others(name: str) -> None:
+    """ValueError for a name that no crusher is described by: a linkage's, or a search's."""
+    require(not name.startswith(OF_LINKAGES), name, "be of a linkage", "of a crusher")
+    must = "be given as counterweight.mass and counterweight.angle"
+    require(name not in MOMENTS, name, must, "a moment, which a design search alone has")
+
+
+def within_limits(
+    values: Mapping[str, Any],
+    numbers: Mapping[str, Parameter] = NUMBERS,
+    pairs: Iterable[tuple[str, Callable[[Any, Any], Any], str]] = _PAIRS,
+) -> dict[str, Any]:
     """The same description, with NaN for every traced number that lies outside its limits.
 
     A check cannot raise an error for a value that only `jax.jit` will know. NaN makes the motion
     a failure, in place of a number that means nothing. Where a number has its limit in another
-    one, what is checked of known ones where they are used is checked here of traced ones.
+    one, what is checked of known ones where they are used is checked here of traced ones: `pairs`
+    are a number, how it must compare, and the other one.
     """
     limited = dict(values)
     for name, value in values.items():
-        if name in NUMBERS and concrete(value) is None:
-            limited[name] = nan_unless(_is_within(name, value), value)
-    for name, compare, other in _PAIRS:
+        if name in numbers and concrete(value) is None:
+            limited[name] = nan_unless(_is_within(numbers[name], value), value)
+    for name, compare, other in pairs:
         both = [limited[one] for one in (name, other) if one in limited]
         if len(both) == 2 and any(primal(one) is None for one in both):
             limited[name] = nan_unless(compare(*both), limited[name])
     return limited
 
 
-def _is_within(name: str, value: Any) -> Any:
-    limits = NUMBERS[name].limits
-    if limits is None:
+def _is_within(parameter: Parameter, value: Any) -> Any:
+    if parameter.limits is None:
         return (value > 0) & (value < jnp.inf)
-    low, high = limits
+    low, high = parameter.limits
     good = (value >= low) & (value <= high)
-    return good & (value == jnp.round(value)) if name in WHOLE else good
+    return good & (value == jnp.round(value)) if parameter.whole else good
 
 
-def check_number(name: str, value: ArrayLike) -> None:
+def check_number(name: str, value: ArrayLike, numbers: Mapping[str, Parameter] = NUMBERS) -> None:
     """ValueError if a parameter's value is no number, scalar or array, or outside its limits."""
-    parameter = NUMBERS[name]
+    parameter = numbers[name]
     if value is None or isinstance(value, str | list | tuple):
         law = _LAW_OF.get(name)
         listed = f"; its law, one of {CHOICES[law]}, is `{law}`" if law else ""
@@ -419,7 +479,7 @@ def check_number(name: str, value: ArrayLike) -> None:
         unit = "" if parameter.unit == "1" else parameter.unit
         require_within(name, value, *parameter.limits, unit)
     known = primal(value)
-    if name in WHOLE and known is not None:
+    if parameter.whole and known is not None:
         require(bool(np.all(known == np.round(known))), name, "be a whole number", known)
 
 
@@ -432,11 +492,49 @@ def in_words(name: str) -> str:
     return name.replace(".", " ").replace("_", " ")
 
 
-def readable(name: str, value: float | str) -> str:
+def readable(name: str, value: float | str, numbers: Mapping[str, Parameter] = NUMBERS) -> str:
     """A value in the unit that drawings have: mm, degrees, GPa, and rpm beside rad/s."""
     if isinstance(value, str):
         return value
-    unit = NUMBERS[name].unit
+    unit = numbers[name].unit
     factor, written = DRAWN_IN.get(unit, (1.0, "" if unit == "1" else unit))
     text = f"{value * factor:.6g} {written}".rstrip()
     return f"{text} ({value * 30 / np.pi:.4g} rpm)" if unit == "rad/s" else text
+
+
+def key_of(name: str) -> str:
+    """Return the name of the number that is meant: of a diameter its radius, else the name."""
+    head, dot, tail = name.rpartition(".")
+    return f"{head}{dot}{DIAMETERS.get(tail, tail)}"
+
+
+def unknown(name: str, keys: Iterable[str]) -> ValueError:
+    """Return the error, with near misses, of a name that is none of the keys."""
+    near = _suggestion(name, tuple(keys))
+    return ValueError(f"Argument `{name}` must be a known key, but is not{near}")
+
+
+def _suggestion(name: str, keys: tuple[str, ...]) -> str:
+    """Near misses, or what there is."""
+    head, _, tail = name.rpartition(".")
+    top, tables = name.partition(".")[0], tables_of(keys)
+    known = dict.fromkeys([*(key for key in keys if "." not in key), *tables])
+    if head and top not in tables:
+        near = [f"[{table}]" for table in get_close_matches(top, tables, n=1)]
+        return f"; did you mean {near[0]}?" if near else f"; there are {', '.join(known)}."
+    inside = [key for key in keys if head and key.startswith(f"{head}.")]
+    elsewhere = [key for key in keys if key.rpartition(".")[2] == tail]
+    elsewhere = [key for key in elsewhere if key.partition(".")[0] == top] or elsewhere
+    if inside:
+        short = {key.rpartition(".")[2]: key for key in inside}
+        near = [short[each] for each in get_close_matches(tail, short, n=1)] or elsewhere
+    else:
+        near = elsewhere or get_close_matches(name, (*keys, *tables), n=1)
+    if near:
+        return f"; did you mean {' or '.join(near)}?"
+    return f"; there are {', '.join(inside or known)}."
+
+
+def tables_of(keys: Iterable[str]) -> tuple[str, ...]:
+    """Return the names of the tables that keys stand in."""
+    return tuple(dict.fromkeys(name.partition(".")[0] for name in keys if "." in name))

@@ -6,8 +6,8 @@ that of a radius.
 """
 
 import operator
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from jaxcrusher.scenes.parameters import (
     NUMBERS,
     PAPER_CHAMBER,
     WORN_JOINTS,
+    Parameter,
     complete,
     readable,
 )
@@ -42,6 +43,7 @@ class Ratio:
     ratio: Callable[..., float] = operator.truediv
     words: str = ""
     unit: str = ""
+    may_be_zero: bool = False
 
     @property
     def title(self) -> str:
@@ -297,6 +299,26 @@ RATIOS = (
 )
 
 
+# Those of what any machine may have: the frame that it stands on, and gravity if it is upright.
+RULES_OF_FRAME = tuple(
+    replace(rule, may_be_zero=rule.of == ("gravity",))
+    for rule in RATIOS
+    if all(name == "gravity" or name.startswith("foundation.") for name in rule.of)
+)
+_JOINT = Ratio(
+    ("clearance", "bore_radius"),
+    (0.0, 1e-4, 0.06, 0.3),
+    "journal bearings have about 0.001, joints of papers up to 0.05 (judged)",
+)
+
+
+def rules_of_joint(prefix: str) -> list[Ratio]:
+    """Return the ratios of a loose joint whose names have a prefix."""
+    parts = "clearance", "bore_radius", "young", "rollers."
+    shared = (rule for rule in RATIOS[1:] if all(name.startswith(parts) for name in rule.of))
+    return [replace(rule, of=tuple(prefix + n for n in rule.of)) for rule in (_JOINT, *shared)]
+
+
 def _unused(values: Mapping[str, Any]) -> set[str]:
     """Return the numbers of a description that its motion is not made of: nobody means them."""
     load = concrete(values["load"])
@@ -311,26 +333,33 @@ def has_constant_load(values: Mapping[str, Any]) -> bool:
     return law is not None and issubclass(law, AbstractConstantLoad)
 
 
-def _unusual(values: Mapping[str, Any]) -> Iterator[tuple[Ratio, str, str, bool]]:
+def _unusual(
+    rules: Iterable[Ratio], values: Mapping[str, Any], known: Mapping[str, Parameter]
+) -> Iterator[tuple[Ratio, str, str, bool]]:
     """Yield each ratio that is unusual, what is said of it, its numbers, and if it can be."""
-    v = {**PAPER_CHAMBER, **complete(values)}
-    unused = _unused(v)
-    for rule in RATIOS:
-        there = (concrete(v[name]) for name in rule.of if name in v)
+    for rule in rules:
+        there = (concrete(values[name]) for name in rule.of if name in values)
         numbers = [float(number) for number in there if number is not None and number.ndim == 0]
-        if unused & set(rule.of) or len(numbers) < len(rule.of):
+        if len(numbers) < len(rule.of):
             continue
         ratio = float(rule.ratio(*numbers))
         least, low, high, most = rule.limits
-        if low <= ratio <= high:
+        if low <= ratio <= high or (rule.may_be_zero and ratio == 0):
             continue
         told = zip(rule.of, numbers, strict=True)
-        given = ", ".join(f"{name} {readable(name, number)}" for name, number in told)
+        given = ", ".join(f"{name} {readable(name, number, known)}" for name, number in told)
         count = digits_apart(ratio, low if ratio < low else high, 3)
         rounded = (float(f"{value:.{count}g}") for value in (ratio, low, high))
-        texts = (f"{value:.16g} {rule.unit}".rstrip() for value in rounded)
+        texts = (f"{value:.15g} {rule.unit}".rstrip() for value in rounded)
         said = "{} is {}, usually {} to {} ({})".format(rule.title, *texts, rule.source)
         yield rule, said, given, least <= ratio <= most
+
+
+def _of_crusher(values: Mapping[str, Any]) -> tuple[list[Ratio], dict[str, Any]]:
+    """Return the ratios of a crusher whose numbers are all used, and its numbers."""
+    v = {**PAPER_CHAMBER, **complete(values)}
+    unused = _unused(v)
+    return [rule for rule in RATIOS if not unused & set(rule.of)], v
 
 
 def remarks(values: Mapping[str, Any]) -> list[str]:
@@ -339,8 +368,15 @@ def remarks(values: Mapping[str, Any]) -> list[str]:
     `values` as in `jaxcrusher.build_scene`; a ratio of traced numbers is passed over. Raises
     ValueError for what cannot be.
     """
+    return remarks_by(*_of_crusher(values), NUMBERS)
+
+
+def remarks_by(
+    rules: Iterable[Ratio], values: Mapping[str, Any], known: Mapping[str, Parameter]
+) -> list[str]:
+    """Say what `remarks` does, by some ratios of the numbers of any machine, which are `known`."""
     lines = []
-    for rule, said, given, possible in _unusual(values):
+    for rule, said, given, possible in _unusual(rules, values, known):
         if not possible:
             raise ValueError(f"Argument `{rule.of[0]}` must be possible, but {said}, with {given}.")
         lines.append(f"{said}: is {given} meant?")
@@ -349,7 +385,7 @@ def remarks(values: Mapping[str, Any]) -> list[str]:
 
 def warn_of_unusual(values: Mapping[str, Any]) -> None:
     """Warn of what is unusual or cannot be in a description, once in a process of each value."""
-    for _, said, given, _ in _unusual(values):
+    for _, said, given, _ in _unusual(*_of_crusher(values), NUMBERS):
         text = f"{said}: is {given} meant?"
         warn_once(text, text, UnusualNumbers)
 

@@ -8,8 +8,8 @@ import numpy as np
 import xarray as xr
 from markupsafe import Markup
 
-from jaxcrusher.scenes.echo import unit_of
 from jaxcrusher.scenes.parameters import in_words
+from jaxcrusher.scenes.units import unit_of
 from optimize.answer import Answer
 from optimize.formatting import shown
 

@@ -7,9 +7,9 @@ from jaxcrusher.crusher.capacity import CAUTION
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
 from jaxcrusher.orbits.load_sheet import MOVING, Row, joint_states
 from jaxcrusher.orbits.severity import SOURCE
-from jaxcrusher.scenes.echo import said, unit_of
 from jaxcrusher.scenes.parameters import NUMBERS, in_words, readable
 from jaxcrusher.scenes.plausibility import borrowed
+from jaxcrusher.scenes.units import said, unit_of
 from optimize import formatting
 from optimize.answer import Answer, Confirmed, Runs
 from optimize.decay import GONE, rate, resolved
@@ -319,7 +319,10 @@ def stages(found: Answer) -> Table:
 def fixed(found: Answer) -> Table:
     """Return the numbers and choices that were not free."""
     rows = [
-        (in_words(name), said(name, value, found.box.units) if name in NUMBERS else str(value))
+        (
+            in_words(name),
+            said(name, value, found.box.units) if isinstance(value, float) else str(value),
+        )
         for name, value in found.fixed.items()
     ]
     if found.box.derived_speed is None:

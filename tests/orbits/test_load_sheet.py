@@ -30,7 +30,7 @@ from jaxcrusher.orbits.load_sheet import (
 from jaxcrusher.orbits.natural_modes import linearised
 from jaxcrusher.orbits.run_up import STEPS, moment_of_weights, run_up
 from jaxcrusher.orbits.severity import ZONES, outside_scope, share, support_kind, zone
-from jaxcrusher.scenes.described import read_scene
+from jaxcrusher.scenes.reader import read_scene
 from tests.identification import by_hand
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -7,7 +7,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.scenes.parameters import NUMBERS, complete, numbers_of
-from jaxcrusher.scenes.scene_file import parse_unit
+from jaxcrusher.scenes.units import parse_unit
 from tests.orbits.test_supports import BLOCK, springs
 from tests.pairs import slow
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from jaxcrusher.scenes.echo import per, said, unit_of, units_of, units_of_file
+from jaxcrusher.scenes.reader import read_machine
+from jaxcrusher.scenes.units import per, said, unit_of, units_of
 
 
 def test_units_are_read_as_they_are_written(tmp_path):
@@ -11,11 +12,11 @@ def test_units_are_read_as_they_are_written(tmp_path):
     path.write_text(
         'speed = "300 rpm"\nfriction = 0.1\nstart = "contact"\n[jaw]\nlength = "0.72 m"\n'
     )
-    assert units_of_file(path) == {"speed": "rpm", "jaw.length": "m"}
+    assert read_machine(path).written == {"speed": "rpm", "jaw.length": "m"}
     # The last one counts, and what has no unit says nothing.
     given = units_of([("speed", "250rpm"), ("speed", "30 rad/s"), ("friction", "0.2")])
     assert given == {"speed": "rad/s"}
-    assert units_of_file(None) == {}
+    assert read_machine(None).written == {}
 
 
 def test_values_are_said_in_the_units_given():
@@ -40,7 +41,9 @@ def test_values_are_said_in_the_units_given():
         ("young", {}, "GPa", 1e9),
         ("jaw.mass_centre_angle", {}, "deg", np.pi / 180),
         ("friction", {}, "", 1.0),
-        ("counterweight.moment_along", {}, "", 1.0),
+        ("counterweight.moment_along", {}, "kg m", 1.0),
+        ("joints.B.clearance", {}, "", 1.0),
+        ("joints.B.clearance", {"joints.B.clearance": "mm"}, "mm", 1e-3),
     ],
 )
 def test_unit_and_what_one_of_it_is(name, units, unit, one):

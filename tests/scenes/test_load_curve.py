@@ -8,7 +8,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.periodic_spline import PeriodicSeries
 from jaxcrusher.scenes.load_curve import load_curve
-from jaxcrusher.scenes.scene_file import read_scene_file
+from jaxcrusher.scenes.reader import read_scene_file
 
 POINTS = np.array([[0.0, 1.0], [90.0, 8.5], [200.0, 3.0], [300.0, 2.0]])  # deg and kN
 

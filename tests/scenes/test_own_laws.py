@@ -2,6 +2,7 @@
 
 import sys
 import textwrap
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -9,10 +10,12 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.joint.friction import SurfaceSlip
+from jaxcrusher.scenes import parameters
+from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import NUMBERS
-from jaxcrusher.scenes.scene_file import read_overrides, read_scene_file
+from jaxcrusher.scenes.reader import read_overrides, read_scene_file
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 SOURCE = '''
 import equinox as eqx
 import jax
@@ -136,17 +139,20 @@ def test_a_scene_file_names_laws_and_their_numbers(laws, tmp_path):
     motion = jc.simulate(scene, [0.0], outputs=("crushing_load",))
     assert np.linalg.norm(motion.crushing_load[0]) == pytest.approx(9e3)
     # Without a default a step of one is taken, of what may be zero.
-    assert np.isnan(NUMBERS["contact.spring"].default) and NUMBERS["contact.spring"].scale == 1.0
+    machine = jc.read_machine(tmp_path / "scene.toml")
+    spring = machine.numbers["contact.spring"]
+    assert np.isnan(spring.default) and spring.scale == 1.0
     # A command line changes a number, in its unit.
-    assert read_overrides([("contact.damping", "30 kN s/m")]) == {"contact.damping": 3e4}
+    given = read_overrides([("contact.damping", "30 kN s/m")], machine)
+    assert given == {"contact.damping": 3e4}
     with pytest.raises(ValueError, match=r"`contact\.spring` must have a unit of the kind N/m"):
-        read_overrides([("contact.spring", "5 kN")])
+        read_overrides([("contact.spring", "5 kN")], machine)
     with pytest.raises(
         ValueError, match=r"`contact\.hertz` must have a unit of the kind N/m\^1\.5"
     ):
-        read_overrides([("contact.hertz", "5 kN/m")])
+        read_overrides([("contact.hertz", "5 kN/m")], machine)
     with pytest.raises(ValueError, match=r"`contact\.odd` must .* known unit, .* is in 'N/m\^3/2'"):
-        read_overrides([("contact.odd", "5 N/m^3/2")])
+        read_overrides([("contact.odd", "5 N/m^3/2")], machine)
 
 
 def test_a_whole_bearing_is_a_law(laws, tmp_path):
@@ -299,3 +305,83 @@ def test_an_elbow_has_a_law_of_its_own(laws, tmp_path):
     assert float(elbow.normal.impact_velocity.value(None)) == 0.3
     whole = {"elbow.contact_law": f"{laws}:Bushed", "elbow.rubber": 1e7, "elbow.clearance": 1e-4}
     assert jc.build_scene(whole).joints.at("elbow").friction is None
+
+
+LINKAGE = """
+    [joints.B]
+    contact_law = "{0}:KelvinVoigt"
+    spring = "5 GN/m"
+    damping = "20 kN s/m"
+    friction_law = "{0}:Tanh"
+    speed = "0.2 m/s"
+    friction = 0.1
+"""
+
+
+def test_a_joint_of_a_linkage_has_a_law_of_its_own(laws, tmp_path):
+    """Its numbers are keys of the joint, in their units, and are known to the machine alone."""
+    pump, path = (EXAMPLES / "pump.toml").read_text(), tmp_path / "mine.toml"
+    kept = [line for line in pump.splitlines() if not line.startswith(("friction =", "impact_v"))]
+    own = textwrap.dedent(LINKAGE.format(laws)).replace("[joints.B]\n", "")
+    path.write_text("\n".join(kept).replace("[joints.B]", f"[joints.B]\n{own}"))
+    machine = jc.read_machine(path, [("joints.B.damping", "30 kN s/m")])
+    joint = machine.scene().joints["B"]
+    assert type(joint.normal).__name__ == "KelvinVoigt" and float(joint.normal.spring) == 5e9
+    assert float(joint.normal.damping) == 3e4 and float(joint.friction.speed) == 0.2
+    assert float(joint.friction.coefficient) == 0.1
+    assert machine.numbers["joints.B.spring"].unit == "N/m"
+    assert machine.units["joints.B.damping"] == "kN s/m"
+    softer = machine.scene(**{"joints.B.spring": 1e9}).joints["B"]
+    assert float(softer.normal.spring) == 1e9
+    slope = jax.grad(lambda k: machine.scene(**{"joints.B.spring": k}).joints["B"].normal.spring)
+    assert float(slope(5e9)) == 1.0
+    for old, new, words in (
+        ('spring = "5 GN/m"', "", "`joints.B.spring` must be given for"),
+        ('spring = "5 GN/m"', 'sprig = "5 GN/m"', "`joints.B.sprig` must be .*; did you mean joi"),
+        ('spring = "5 GN/m"', "spring = 5e9", "`joints.B.spring` must have a unit"),
+        (f'friction_law = "{laws}:Tanh"', "", "`joints.B.speed` must be a known key"),
+        (f"{laws}:KelvinVoigt", f"{laws}:Tanh", "a class of AbstractNormalForce or AbstractBear"),
+    ):
+        path.write_text(path.read_text().replace(old, new))
+        with pytest.raises(ValueError, match=words) as error:
+            jc.read_machine(path)
+        assert str(error.value).startswith(str(path)) and "\n" not in str(error.value)
+        path.write_text("\n".join(kept).replace("[joints.B]", f"[joints.B]\n{own}"))
+
+
+def test_reading_changes_no_table(laws, tmp_path):
+    """Two files in either order, or one twice, are the same; a law's numbers go with its file."""
+    tables = (parameters.PARAMETERS, parameters.NUMBERS, parameters.CHOICES, parameters.FILES)
+    before = [dict(table) for table in (*tables, LAWS)]
+    paths = [tmp_path / "scene.toml", EXAMPLES / "four_bar.toml", EXAMPLES / "pe250x400.toml"]
+    read = [
+        [jc.read_machine(path) for path in (*order, paths[0])] for order in (paths, paths[::-1])
+    ]
+    for machine in read[0]:
+        for other in [one for one in read[1] if one.given == machine.given]:
+            assert other.values == machine.values and dict(other.numbers) == dict(machine.numbers)
+            assert other.units == machine.units
+    assert [one.given for one in read[0][:3]] == [one.given for one in read[1][2::-1]]
+    assert [dict(table) for table in (*tables, LAWS)] == before
+    for table in (*tables, LAWS, LAWS["slip"]):
+        with pytest.raises(TypeError):
+            table["new"] = 1
+    # The law of another file has left nothing behind.
+    path = tmp_path / "plain.toml"
+    path.write_text('[contact]\nspring = "5 GN/m"')
+    with pytest.raises(
+        ValueError, match=r"`contact\.spring` must be a known key, but is not; there"
+    ):
+        jc.read_machine(path)
+    with pytest.raises(ValueError, match=r"`contact\.spring` must be a known key"):
+        read_overrides([("contact.spring", "5 GN/m")])
+    with pytest.raises(ValueError, match=r"`contact\.spring` must be a known name"):
+        jc.build_scene({"contact.spring": 5e9})
+
+
+def test_a_law_whose_unit_is_none_of_the_si_is_refused(laws, tmp_path):
+    """Numbers of a description are in SI units, so that a field of mm would be a thousand off."""
+    source = tmp_path / f"{laws}.py"
+    source.write_text(source.read_text().replace('"unit": "N s/m"', '"unit": "kN s/m"'))
+    with pytest.raises(ValueError, match=r"`contact\.damping` must be of a law that gives its fie"):
+        jc.read_machine(tmp_path / "scene.toml")

@@ -32,9 +32,9 @@ from jaxcrusher.files.resume import begin
 from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
-from jaxcrusher.scenes.described import read_machine
-from jaxcrusher.scenes.echo import said
 from jaxcrusher.scenes.parameters import complete
+from jaxcrusher.scenes.reader import read_machine
+from jaxcrusher.scenes.units import said
 
 
 def run(*arguments) -> tuple[int | None, str]:

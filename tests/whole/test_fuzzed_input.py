@@ -23,8 +23,8 @@ from jaxcrusher import __main__
 from jaxcrusher.commands.crushers import read_machine
 from jaxcrusher.commands.options import Crusher
 from jaxcrusher.files.program import parse
-from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS
-from jaxcrusher.scenes.scene_file import key_of
+from jaxcrusher.scenes.machine import Machine
+from jaxcrusher.scenes.parameters import CHOICES, FILES, NUMBERS, key_of
 from optimize.run import search
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -226,8 +226,9 @@ def one_clear_line(error: BaseException) -> None:
 TIES = "kind", "crank", "assembly."
 
 
-def as_written(text: str, values: dict) -> None:
+def as_written(text: str, machine: Machine) -> None:
     """What a file says by a reading of its own, beside what was made of it."""
+    values = machine.values
 
     def leaves(table: dict, prefix: str = ""):
         for name, value in table.items():
@@ -240,7 +241,7 @@ def as_written(text: str, values: dict) -> None:
 
     for name, value in leaves(tomllib.loads(text.removeprefix("\ufeff").replace("\r\n", "\n"))):
         key, factor = key_of(name), 1.0 if key_of(name) == name else 0.5
-        if key not in NUMBERS:
+        if key not in machine.numbers:
             told = key.startswith(TIES) or key in FILES or key.endswith((".body", ".curve"))
             assert told or values[key] == value, name
             continue
@@ -253,7 +254,7 @@ def as_written(text: str, values: dict) -> None:
         kept = values.get(key, 0.0) if key.endswith((".x", ".y")) else values[key]
         if size is not None:  # another unit of pint's, such as inches
             assert kept == pytest.approx(factor * number * size, rel=1e-14), name
-        low, high = NUMBERS[key].limits or (0.0, np.inf)
+        low, high = machine.numbers[key].limits or (0.0, np.inf)
         assert np.isfinite(kept) and low <= kept <= high, name
 
 
@@ -264,11 +265,11 @@ def test_scene_files_with_slips(text, tmp_path, capsys):
     file.write_bytes(text.encode("utf-8", "surrogatepass"))
     (tmp_path / "measured.csv").write_text("angle_deg, force_kN\n0, 2\n90, 8\n180, 3\n")
     try:
-        values = read_machine(Crusher(scene=file)).values
+        found = read_machine(Crusher(scene=file))
     except BaseException as error:  # of every kind: a traceback is what is looked for
         one_clear_line(error)
     else:
-        as_written(text, values)
+        as_written(text, found)
     assert "\x1b" not in capsys.readouterr().err
 
 
@@ -286,7 +287,7 @@ def test_linkage_files_with_slips(text, tmp_path):
     except BaseException as error:
         one_clear_line(error)
     else:
-        as_written(text, found.values)
+        as_written(text, found)
 
 
 @pytest.mark.slow

@@ -1,0 +1,381 @@
+"""The one reader of what describes a machine: a TOML file, a command line, or tables in Python.
+
+```toml
+speed = "286 rpm"
+clearance = "0.06 mm"
+friction = 0.1
+start = "contact"
+
+[jaw]
+mass = "524 kg"
+```
+
+Keys and tables are the names of `PARAMETERS`, `CHAMBER` and `CHOICES` of
+`jaxcrusher.scenes.parameters`, of which one that is missing takes the paper's value; with
+`kind = "linkage"` they are those of `jaxcrusher.scenes.linkages`. A bare number is refused where a
+unit could be meant: 0.10 may be millimetres to the one who writes it, and 250 rpm.
+
+A description goes through the same steps whatever it describes: entries by their names, what ties
+the machine together, units, unknown keys, what comes with what, limits, and whether links close.
+"""
+
+import re
+import tomllib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from jaxcrusher.basics.checks import renamed, require, require_choice
+from jaxcrusher.mechanism.scene import Scene
+from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.scenes.build import build_scene
+from jaxcrusher.scenes.crusher import Crusher
+from jaxcrusher.scenes.linkages import drawn
+from jaxcrusher.scenes.machine import Machine
+from jaxcrusher.scenes.own_laws import is_own, law_class
+from jaxcrusher.scenes.parameters import (
+    CHAMBER,
+    CHOICES,
+    FILES,
+    NUMBERS,
+    OF_LINKAGES,
+    POINTS,
+    SITE,
+    WHOLE,
+    check_number,
+    key_of,
+    refuse_others,
+    tables_of,
+    unknown,
+)
+from jaxcrusher.scenes.units import (
+    NUMBER,
+    TYPOGRAPHIC,
+    number_in,
+    quantity_in,
+    units_of,
+    written_unit,
+)
+
+KINDS = ("crusher", "linkage")
+# The paper's crusher, of whose names those are that no machine is named for.
+PAPER = Machine(Crusher())
+# Reads a number of a unit, by its name and what is given.
+Number = Callable[[str, str, Any], Any]
+
+
+def read_machine(path: Path | str | None, overrides: Sequence[tuple[str, str]] = ()) -> Machine:
+    """Return the machine of a TOML file, a crusher or, with `kind = "linkage"`, any linkage.
+
+    `overrides` are names with texts that stand in the place of the file's. With no file they are of
+    the paper's crusher. Raises ValueError of one line, with the file and the key, for what cannot
+    be read or built.
+    """
+    path = None if path is None else Path(path)
+    found = _read(() if path is None else read_entries(path), path, overrides, number_in)
+    # A linkage takes nothing from the PE250x400.
+    with naming(path, found.given if isinstance(found.structure, Crusher) else NUMBERS):
+        found.scene()
+    return found
+
+
+def read_scene(path: Path | str) -> AbstractScene:
+    """Return the scene of a TOML file, a crusher's or, with `kind = "linkage"`, of any linkage.
+
+    Raises ValueError of one line, with the file and the key.
+    """
+    return read_machine(path).scene()
+
+
+def linkage_machine(**description: Any) -> Machine:
+    """Return a linkage as a machine: the tables of a file as keywords, numbers in SI units.
+
+    **Arguments:** as in a file of `kind = "linkage"` (see `jaxcrusher.scenes.linkages`), each table
+    a mapping: `crank`, `speed`, `bodies`, `joints`, `slides`, `forces`, `springs`, `points`,
+    `assembly`, `foundation`. A number is in SI units, or a text with its unit.
+
+    **Returns:** a `Machine`, for sweeps, maps, identification and the search.
+
+    Raises ValueError of one line as `read_machine` does.
+    """
+
+    def number(unit: str, name: str, value: Any) -> Any:
+        return number_in(unit, name, value) if isinstance(value, str) else value
+
+    found = _read(flattened(description | {"kind": "linkage"}), None, (), number)
+    found.scene()
+    return found
+
+
+def linkage(**description: Any) -> AbstractScene:
+    """Return the scene of a linkage; arguments and errors as of `linkage_machine`."""
+    return linkage_machine(**description).scene()
+
+
+def read_scene_file(
+    path: Path | str | None, overrides: Iterable[tuple[str, str]] = ()
+) -> dict[str, Any]:
+    """The values for `jaxcrusher.build_scene` in a crusher's TOML file, numbers in SI units.
+
+    `overrides` as of `--set` stand in place of the file's. Its stroke is that of the links with
+    them, unless a stroke or an eccentricity is among them. Without a file they are all.
+
+    Raises ValueError of one line, with the file and the key, for a file that cannot be read or is
+    not TOML, a key that is unknown, a wrong type or unit, a missing unit, a number outside its
+    limits, and an unknown choice. Whether the values make a crusher together, `build_scene` says.
+    """
+    path = None if path is None else Path(path)
+    entries = () if path is None else read_entries(path)
+    return dict(_read(entries, path, overrides, number_in).given)
+
+
+def kind_of(path: Path | None) -> str:
+    """Return the `kind` of a scene file, a crusher's where it says none.
+
+    Raises ValueError for another one.
+    """
+    kind = dict(() if path is None else read_entries(path)).get("kind", KINDS[0])
+    with naming(path):
+        require_choice("kind", kind, KINDS)
+    return kind
+
+
+def _read(
+    entries: Iterable[tuple[str, Any]],
+    path: Path | None,
+    overrides: Iterable[tuple[str, str]],
+    number: Number,
+) -> Machine:
+    """Return the machine of entries and of what overrides them; its scene is not made yet."""
+    entries, overrides = list(entries), list(overrides)
+    folder, crushes = Path() if path is None else path.parent, True
+    with naming(path):
+        structure, left, rest = Crusher(), (), [one for one in entries if one[0] != "kind"]
+        kind = dict(entries).get("kind", KINDS[0])
+        require_choice("kind", kind, KINDS)
+        if kind == "linkage":
+            (structure, rest, left), crushes = drawn(entries, folder), False
+        known, written = Machine(structure, _laws(rest, folder)), {}
+        for name, _ in rest:
+            key = _key(name, known)
+            if crushes:
+                refuse_others(key)
+            other = written.get(key, name)
+            require(other == name, name, f"not stand beside `{other}`", "given")
+            require(key not in written, name, "be given once", "given twice")
+            written[key] = name
+        given = {_key(n, known): read_value(n, one, folder, known, number) for n, one in rest}
+    over = read_overrides(overrides, known)
+    with naming(path, {**given, **over} if crushes else NUMBERS):
+        values = structure.merged(given, over)
+    return Machine(structure, values, units_of(rest) | units_of(overrides), tuple(left))
+
+
+def _laws(entries: Iterable[tuple[str, Any]], folder: Path = Path()) -> dict[str, str]:
+    """Return the laws of one's own that entries choose; their modules may be in the folder."""
+    laws = {name: text for name, text in entries if is_own(name, text)}
+    for name, text in laws.items():
+        law_class(name, text, folder)
+    return laws
+
+
+def _key(name: str, machine: Machine) -> str:
+    """Return the name of a machine's number that is meant, of a diameter its radius."""
+    return key_of(name) if key_of(name) in machine.numbers else name
+
+
+def read_entries(path: Path) -> list[tuple[str, Any]]:
+    """Dotted names and what a TOML file has for them, as it is written.
+
+    Raises ValueError of one line for a file that cannot be read or is not TOML.
+    """
+    try:
+        text = _decoded(path.read_bytes())
+        entries = tomllib.loads(text)
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read: {error.strerror}.") from None
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path}: must be UTF-8 text, but {error.reason}.") from None
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: is not TOML: {_slip(text, str(error))}.") from None
+    with naming(path):
+        return list(flattened(entries))
+
+
+def _decoded(content: bytes) -> str:
+    """UTF-8 text, with or without a byte order mark, with any ends of lines.
+
+    Raises UnicodeDecodeError whose reason is a clause.
+    """
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content[:100]:
+        raise UnicodeDecodeError("utf-8", content, 0, 1, "is UTF-16 or UTF-32: save it as UTF-8")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        error.reason = f"byte {error.start} is not: save it as UTF-8"
+        raise
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _slip(text: str, error: str) -> str:
+    """Guess the slip behind TOML's error: a decimal comma, or quotes that were forgotten."""
+    place = re.search(r"at line (\d+)", error)
+    if "Cannot overwrite" in error:
+        return f"line {place[1]} gives a key a second time" if place else "a key is given twice"
+    if place is None:
+        return error
+    line = text.split("\n")[int(place[1]) - 1]
+    if re.search(rf"=\s*{TYPOGRAPHIC}", line):
+        return f'line {place[1]} has typographic quotes: write straight ones, "..."'
+    if comma := re.match(r"[^#\"']*=\s*([+-]?\d+),(\d+)", line):
+        return f"line {place[1]} has a decimal comma: write {comma[1]}.{comma[2]}"
+    if bare := re.match(rf"[^#\"']*=\s*({NUMBER}\s*[^\W\d][^#]*)", line):
+        return f'line {place[1]} has a quantity without quotes: write "{bare[1].strip()}"'
+    return error
+
+
+def read_value(
+    name: str,
+    value: Any,
+    folder: Path = Path(),
+    machine: Machine = PAPER,
+    number: Number = number_in,
+) -> float | str:
+    """Return a value by its dotted name, as TOML has it: a quantity, a number, a choice, a file.
+
+    A diameter is halved; a file is looked for from `folder`; `number` reads numbers. Raises
+    ValueError as `read_scene_file` does.
+    """
+    if (key := _key(name, machine)) != name:
+        with renamed(**{key: name}):
+            return float(read_value(key, value, folder, machine, number)) / 2
+    if name in machine.choices:
+        if is_own(name, value):
+            law_class(name, value, folder)
+        else:
+            require_choice(name, value, machine.choices[name])
+        return value
+    if name in FILES:
+        if not isinstance(value, str):
+            raise ValueError(f"Argument `{name}` must be a file's name, but is {value!r}.")
+        return str(folder / value)
+    if name.startswith(POINTS):
+        point_of(name, value)
+        return value
+    require_parameter(name, machine)
+    found = number(machine.numbers[name].unit, name, value)
+    check_number(name, found, machine.numbers)
+    return float(found)
+
+
+def read_text(name: str, text: str, machine: Machine = PAPER) -> float | str:
+    """One value of a command line: as `read_value`, but a number needs no quotes.
+
+    Raises ValueError as `read_scene_file` does.
+    """
+    if _key(name, machine) in machine.numbers and re.fullmatch(NUMBER, text.strip()):
+        return read_value(name, float(text), machine=machine)
+    return read_value(name, text, machine=machine)
+
+
+def read_overrides(
+    pairs: Iterable[tuple[str, str]], machine: Machine = PAPER
+) -> dict[str, float | str]:
+    """Return the values of `--set KEY VALUE`, by key; the last of each counts.
+
+    Raises ValueError as `read_scene_file` does.
+    """
+    pairs, laws = list(pairs), _laws(pairs)
+    known = Machine(machine.structure, {**machine.given, **laws}) if laws else machine
+    return {_key(name, known): read_text(name, text, known) for name, text in pairs}
+
+
+def read_range(name: str, low: str, high: str, machine: Machine = PAPER) -> tuple[float, float]:
+    """A lowest and a highest value; a lowest one without a unit has the other's.
+
+    Those of a diameter are halved. Raises ValueError as `read_scene_file` does, and for a choice.
+    """
+    require_parameter(_key(name, machine), machine)
+    if re.fullmatch(NUMBER, low.strip()):
+        low = f"{low} {written_unit(high)}"
+    return float(read_text(name, low, machine)), float(read_text(name, high, machine))
+
+
+def require_parameter(name: str, machine: Machine = PAPER) -> None:
+    """ValueError, with near misses, for a name that is none of a machine's numbers."""
+    if name in machine.choices:
+        raise ValueError(f"Argument `{name}` must be a number's key, but is a choice's.")
+    if name not in machine.numbers:
+        files = FILES if isinstance(machine.structure, Crusher) else ()
+        raise unknown(name, (*machine.numbers, *machine.choices, *files))
+
+
+def require_moving(argument: str, name: str, machine: Machine = PAPER) -> None:
+    """ValueError, of the `argument`, for a name that is no number of the motion."""
+    key = _key(name, machine)
+    require(key == name, argument, f"name the radius, {key}", name)
+    require_parameter(name, machine)
+    must = "name numbers of the motion, such as speed, jaw.mass or toggle.length"
+    require(name not in CHAMBER, argument, must, f"{name}, the capacity's")
+    require(name not in SITE, argument, must, f"{name}, which a scene file or --set alone may have")
+
+
+def require_continuous(argument: str, name: str, machine: Machine = PAPER) -> None:
+    """ValueError, of the `argument`, for a name that is no number that motions have slopes by."""
+    require_moving(argument, name, machine)
+    require(name not in WHOLE, argument, "name a number that may vary continuously", name)
+
+
+def points_of(values: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Return the points of the frame that a description names, m from C."""
+    there = (name for name in values if name.startswith(POINTS))
+    return {name.removeprefix(POINTS): point_of(name, values[name]) for name in there}
+
+
+def point_of(name: str, value: Any) -> tuple[float, float]:
+    """Return a point of the frame, m from C, of two quantities such as "1.2 m, -0.4 m".
+
+    Raises ValueError as `quantity_in` does.
+    """
+    two = value.split(",") if isinstance(value, str) else ()
+    must = 'be a place from C, to the right and up, such as "1.2 m, -0.4 m"'
+    require(len(two) == 2, name, must, repr(value))
+    x, y = (quantity_in("m", name, one) for one in two)
+    return x, y
+
+
+def flattened(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted names and values of nested tables."""
+    for key, value in table.items():
+        name = prefix + key
+        if isinstance(value, dict) and value and name not in (*NUMBERS, *CHOICES, *FILES):
+            yield from flattened(value, f"{name}.")
+        elif name not in tables_of((*NUMBERS, *OF_LINKAGES)):
+            yield name, value
+        elif value != {}:
+            raise ValueError(f"Argument `{name}` must be a table [{name}], but is {value!r}.")
+
+
+def scene_of(values: Mapping[str, Any], path: Path | None, given: Iterable[str] = ()) -> Scene:
+    """Return `build_scene`, with refusals as `naming` makes them."""
+    with naming(path, given):
+        return build_scene(values)
+
+
+@contextmanager
+def naming(path: Path | None, given: Iterable[str] = NUMBERS) -> Iterator[None]:
+    """Let refusals begin with the file that a description is from.
+
+    They name those of their numbers that are not among the `given` ones, and so the PE250x400's.
+    Without `given` all numbers are.
+    """
+    try:
+        yield
+    except ValueError as error:
+        if path is None:
+            raise
+        said = str(error).removeprefix("Argument ")
+        left = [name for name in NUMBERS if f"`{name}`" in said and name not in set(given)]
+        also = f" The file leaves {' and '.join(left)} to the PE250x400." if left else ""
+        raise ValueError(f"{path}: {said}{also}") from None
