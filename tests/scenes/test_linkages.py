@@ -647,11 +647,6 @@ def test_its_orbit_on_supports_is_that_of_late_turns():
     assert float(orbit.transmitted_rms) == pytest.approx(float(late.transmitted_rms), rel=1e-3)
 
 
-def test_what_is_a_crusher_s_alone_refuses_a_linkage():
-    with pytest.raises(ValueError, match=r"be a crusher's, .* a LinkageScene"):
-        crusher_of(linkage(**PLAIN))
-
-
 def loosened(joints, **clearances):
     """Joints of which some have a clearance."""
     loose = {name: {"clearance": c, "bore_radius": 0.05} for name, c in clearances.items()}
