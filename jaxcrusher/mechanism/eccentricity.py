@@ -16,9 +16,10 @@ from jaxcrusher.mechanism.equations import solve
 from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
 from jaxcrusher.mechanism.motion import moving
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene, contacts_of, wrenches_of
+from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
+from jaxcrusher.mechanism.state import contacts_of, snapshot_of
 
 
 class JointState(Record):
@@ -52,11 +53,8 @@ class EccentricityFormulation(AbstractFormulation):
         rates = state.joints.map(lambda at: at.rate)
         motion = moving(scene.linkage, scene.drive.crank(time, state.crank), e, rates)
         contacts = contacts_of(scene, motion, state.joints.map(lambda at: at.impact_velocity))
-        applied = scene.applied(motion)
-        wrenches, gravity, body = wrenches_of(scene, applied, frame)
         torque = scene.drive.torque(time, motion.crank)
-        found = solve(motion, wrenches, contacts, torque, gravity, frame=body)
-        return Snapshot(motion, contacts, applied, found, frame)
+        return snapshot_of(scene, motion, contacts, torque, frame, solve)
 
     def rate(
         self, snapshot: Snapshot, state: EccentricityState, scene: AbstractScene

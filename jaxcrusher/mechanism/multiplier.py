@@ -17,21 +17,15 @@ from jaxcrusher.basics.linear import SparseRow, solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, or_zero, plus, scalar
 from jaxcrusher.basics.record import Record
 from jaxcrusher.mechanism.drives import from_nearest_turn
-from jaxcrusher.mechanism.equations import (
-    Accelerations,
-    Guiding,
-    MovingFrame,
-    Wrench,
-    pushes,
-    sums_of,
-)
+from jaxcrusher.mechanism.equations import Accelerations, Forces, Guiding
 from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
-from jaxcrusher.mechanism.linkage import Body, Joint, Slide
+from jaxcrusher.mechanism.linkage import Joint, Slide
 from jaxcrusher.mechanism.motion import Crank, Motion, Pose, moving
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene, contacts_of, wrenches_of
+from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
+from jaxcrusher.mechanism.state import contacts_of, snapshot_of
 from jaxcrusher.mechanism.topology import FRAME
 
 # The unit of time of the velocities in the state: as long as a contact, so that the error
@@ -87,15 +81,16 @@ class MultiplierFormulation(AbstractFormulation):
         frame = None if state.frame is None else frame_units(scene).motion(state.frame)
         motion = _motion(scene, state)
         contacts = contacts_of(scene, motion, state.impact_velocities)
-        applied = scene.applied(motion)
-        wrenches, gravity, body = wrenches_of(scene, applied, frame)
-        wrenches += pushes(motion, contacts, body)
-        linkage, torque = scene.linkage, scene.drive.torque(time, motion.crank)
-        if torque is not None:
-            wrenches += [Wrench(linkage.crank, None, torque), Wrench(FRAME, None, -torque)]
+        torque = scene.drive.torque(time, motion.crank)
+        solve = functools.partial(self._solved, time, scene)
+        return snapshot_of(scene, motion, contacts, torque, frame, solve)
 
-        bodies = _Bodies(motion, body)
-        gaps = {name: bodies.gap(joint) for name, joint in motion.linkage.joints.items()}
+    def _solved(
+        self, time: Scalar, scene: AbstractScene, motion: Motion, acting: Forces
+    ) -> Accelerations:
+        linkage, torque, contacts = scene.linkage, acting.torque, acting.contacts
+        bodies = _Bodies(motion, acting)
+        gaps = {name: bodies.gap(joint) for name, joint in linkage.joints.items()}
         rows, kept = [], []
         for name, gap in gaps.items():
             if name not in scene.joints:
@@ -110,8 +105,7 @@ class MultiplierFormulation(AbstractFormulation):
             rows.append(bodies.turning(linkage.crank))
             kept.append(_off(scene, time, motion))
         right = [-rest - 2 * self.alpha * rate - self.beta**2 * off for off, rate, rest in kept]
-        forces = bodies.forces(wrenches, gravity)
-        found, multipliers = solve_constrained(bodies.masses, rows, forces, right)
+        found, multipliers = solve_constrained(bodies.masses, rows, bodies.forces, right)
 
         held, on_bore = iter(multipliers), {n: one.force for n, one in contacts.items()}
         for name in gaps:
@@ -120,17 +114,16 @@ class MultiplierFormulation(AbstractFormulation):
         guides = linkage.slides.map(lambda _: Guiding(next(held), next(held)))
         torque = -next(held) if torque is None else torque
         spin_ups = {name: found[3 * i + 2] for i, name in enumerate(bodies.names)}
-        accelerations = Accelerations(
+        none = jnp.zeros_like(motion.crank.speed)  # where no joint is held
+        return Accelerations(
             Named(spin_ups),
             Named({n: Vector(*found[3 * i : 3 * i + 2]) for i, n in enumerate(bodies.names)}),
             Named({name: gaps[name].acceleration(found) for name in scene.joints.names}),
             Named({name: on_bore[name] for name in gaps}),
             torque,
             guides,
+            functools.reduce(jnp.maximum, [jnp.abs(off) for off, _, _ in kept], none),
         )
-        none = jnp.zeros_like(motion.crank.speed)  # where no joint is held
-        residual = functools.reduce(jnp.maximum, [jnp.abs(off) for off, _, _ in kept], none)
-        return Snapshot(motion, contacts, applied, accelerations, frame, residual)
 
     def rate(
         self, snapshot: Snapshot, state: MultiplierState, scene: AbstractScene
@@ -213,25 +206,24 @@ class _Gap(Record):
 class _Bodies:
     """Three coordinates of each body, and of a frame on supports: those past the ground."""
 
-    def __init__(self, motion: Motion, frame: MovingFrame | None):
-        self.motion, self.frame = motion, frame
-        self.bodies: dict[str, Body] = dict(motion.linkage.bodies.items())
-        if frame is not None:
-            self.bodies[FRAME] = frame.body
-        self.names = tuple(self.bodies)
+    def __init__(self, motion: Motion, acting: Forces):
+        self.motion, self.frame = motion, acting.frame
+        self.bodies = acting.bodies(motion.linkage)
+        self.names, self.sums = tuple(self.bodies), acting.sums(motion)
 
     @property
     def masses(self) -> list[Scalar]:
         """Return the diagonal of M, (17)."""
         return [part for one in self.bodies.values() for part in (one.mass, one.mass, one.inertia)]
 
-    def forces(self, wrenches: list[Wrench], gravity: Vector) -> list[Scalar]:
+    @property
+    def forces(self) -> list[Scalar]:
         """Return Q of (18), with weight, contacts and their moments."""
-        found, sums = [], sums_of(wrenches)
+        found = []
         for name, one in self.bodies.items():
-            force, moment = sums.get(name, (None, None))
-            force = or_zero(plus(one.mass * gravity, force))
-            found += [force.x, force.y, jnp.zeros_like(one.mass) if moment is None else moment]
+            force, moment = self.sums[name]
+            x, y = or_zero(force).x, or_zero(force).y
+            found += [x, y, jnp.zeros_like(one.mass) if moment is None else moment]
         return found
 
     def gap(self, joint: Joint) -> _Gap:

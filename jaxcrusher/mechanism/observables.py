@@ -185,7 +185,8 @@ def _penetration_rate(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
 
 def constraint_residual(s: Snapshot, scene: AbstractScene) -> Scalar:
     """Return by how much the joints that are held are apart, m or rad."""
-    return jnp.zeros_like(s.motion.crank.speed) if s.residual is None else s.residual
+    found = s.accelerations.residual
+    return jnp.zeros_like(s.motion.crank.speed) if found is None else found
 
 
 def _on_supports(s: Snapshot, scene: AbstractScene, name: str) -> tuple[FrameMotion, OnSupports]:

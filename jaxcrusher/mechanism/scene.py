@@ -21,15 +21,14 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.record import Printed
-from jaxcrusher.joint.clearance import AbstractBearing, Contact
+from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.mechanism.acting import Acting
 from jaxcrusher.mechanism.drives import AbstractDrive
-from jaxcrusher.mechanism.equations import MovingFrame, Wrench
 from jaxcrusher.mechanism.linkage import Linkage
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named, before
 from jaxcrusher.mechanism.reductions import Chosen, Statistic, chosen
-from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, Snapshot
+from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation, OnSupports
 
 
@@ -214,30 +213,3 @@ def require_clearance(clearance, bore_radius, prefix: str = "") -> None:
     if known is not None and bore is not None:
         limit = f"be smaller than the bore radius {bore.min():g} m"
         require(bool((known < bore).all()), f"{prefix}clearance", limit, clearance)
-
-
-def contacts_of(scene: AbstractScene, motion: Motion, memories: Named[Scalar]) -> Named[Contact]:
-    """Return the contacts of the joints with clearance; `memories` are those of normal laws."""
-    found = {}
-    for name, one in scene.joints.items():
-        joint = motion.linkage.joint(name)
-        bore, pin = motion.spin(joint.bore.body), motion.spin(joint.pin.body)
-        found[name] = one.contact(
-            motion.eccentricities.at(name),
-            motion.rates.at(name),
-            0.0 if bore is None else bore,
-            0.0 if pin is None else pin,
-            memories[name],
-        )
-    return Named(found)
-
-
-def wrenches_of(
-    scene: AbstractScene, applied: Acting, frame: FrameMotion | None
-) -> tuple[list[Wrench], Vector, MovingFrame | None]:
-    """Return what acts besides contacts, the weight of a unit mass, and the frame as a body."""
-    upright = Vector(0.0, -scene.linkage.gravity)
-    if frame is None or scene.supports is None:
-        return list(applied.wrenches), upright, None
-    wrenches = [*applied.wrenches, scene.supports.wrench(frame)]
-    return wrenches, upright.seen_from(frame.axis), scene.supports.moving(frame)
