@@ -12,7 +12,8 @@ from jaxcrusher.basics.integrate import Outcome
 from jaxcrusher.mechanism.named import before
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
-from jaxcrusher.motion.flow import initial_state, pins_of
+from jaxcrusher.mechanism.state import pins_of
+from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.indicators import (
     CHAOS,
     Lyapunov,

@@ -11,12 +11,11 @@ import functools
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Scalar
+from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics.linear import SparseRow, solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, or_zero, plus, scalar
 from jaxcrusher.basics.record import Record
-from jaxcrusher.mechanism.drives import from_nearest_turn
 from jaxcrusher.mechanism.equations import Accelerations, Forces, Guiding
 from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
 from jaxcrusher.mechanism.linkage import Joint, Slide
@@ -25,7 +24,7 @@ from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
-from jaxcrusher.mechanism.state import contacts_of, snapshot_of
+from jaxcrusher.mechanism.state import AbstractState, Parts, contacts_of, snapshot_of
 from jaxcrusher.mechanism.topology import FRAME
 
 # The unit of time of the velocities in the state: as long as a contact, so that the error
@@ -43,13 +42,19 @@ class Placement(Record):
         return Placement(self.centre * factor, self.angle * factor)
 
 
-class MultiplierState(Record):
-    """q (m, rad), and q' in units per CONTACT_TIME."""
+class MultiplierState(AbstractState):
+    """q (m, rad), and q' in units per CONTACT_TIME; the crank is the first of the bodies."""
 
     position: Named[Placement]
     velocity: Named[Placement]
-    impact_velocities: Named[Scalar]  # the normal laws' memories, m/s
+    memories: Named[PyTree[Scalar]]  # of the bearings
     frame: FrameState | None = None
+
+    @property
+    def parts(self) -> Parts:
+        """Return the parts of the state."""
+        angle = self.position.values[0].angle
+        return Parts(Named(), Named(), self.memories, angle, self.frame)
 
 
 class MultiplierFormulation(AbstractFormulation):
@@ -64,7 +69,6 @@ class MultiplierFormulation(AbstractFormulation):
         crank = drive.crank(scalar(0.0), drive.initial())
         motion = moving(linkage, crank, *start_of(scene).eccentricities(scene))
         position, velocity = {}, {}
-        # The crank first: `unwound` finds it there.
         for name in sorted(linkage.bodies.names, key=lambda name: name != linkage.crank):
             pose = motion.pose(name)
             # A crank counts its turns.
@@ -73,14 +77,14 @@ class MultiplierFormulation(AbstractFormulation):
             spin = jnp.zeros_like(angle) if pose.spin is None else pose.spin
             position[name] = Placement(motion.centre(name), angle)
             velocity[name] = Placement(motion.centre_velocity(name), spin) * CONTACT_TIME
-        memories = scene.joints.map(lambda joint: joint.normal.impact_velocity.initial())
+        memories = scene.joints.map(lambda joint: joint.initial_memory())
         return MultiplierState(Named(position), Named(velocity), memories, initial_frame(scene))
 
     def snapshot(self, time: Scalar, state: MultiplierState, scene: AbstractScene) -> Snapshot:
         """Return an instant: solve (20) for the accelerations and the multipliers."""
         frame = None if state.frame is None else frame_units(scene).motion(state.frame)
         motion = _motion(scene, state)
-        contacts = contacts_of(scene, motion, state.impact_velocities)
+        contacts = contacts_of(scene, motion, state.memories)
         torque = scene.drive.torque(time, motion.crank)
         solve = functools.partial(self._solved, time, scene)
         return snapshot_of(scene, motion, contacts, torque, frame, solve)
@@ -144,7 +148,7 @@ class MultiplierFormulation(AbstractFormulation):
         memories = scene.joints.map(
             lambda joint, contact, memory: joint.memory_rate(contact, memory),
             snapshot.contacts,
-            state.impact_velocities,
+            state.memories,
         )
         return MultiplierState(
             state.velocity.map(lambda one: one * (1 / CONTACT_TIME)),
@@ -152,11 +156,6 @@ class MultiplierFormulation(AbstractFormulation):
             memories,
             frame_rate(scene, frame, found),
         )
-
-    def unwound(self, state: MultiplierState) -> MultiplierState:
-        """Return the state with the angle of its first body, the crank, unwound."""
-        angle = from_nearest_turn(state.position.values[0].angle)
-        return eqx.tree_at(lambda s: s.position.present[0].angle, state, angle)
 
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Return a tolerance of positions of some 1 m against the clearance, above rounding.

@@ -166,13 +166,6 @@ class AbstractFormulation(eqx.Module):
         """Return the time derivative of the state, per second."""
 
     @abc.abstractmethod
-    def unwound(self, state: PyTree[Scalar]) -> PyTree[Scalar]:
-        """Return the same state, its crank angle (if it holds one) from the nearest whole turn.
-
-        So a motion goes on from the end of a turn as from angle zero.
-        """
-
-    @abc.abstractmethod
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Return the solver's tolerance for an error of `rtol` clearances in the eccentricity."""
 

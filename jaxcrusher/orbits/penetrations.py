@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.mechanism.reductions import SAMPLES
+from jaxcrusher.orbits.forced import pins
 from jaxcrusher.periodic.trigonometric import evaluate, resample
 
 # Steps that lead from an instant of a grid to the least penetration beside it.
@@ -19,8 +20,7 @@ def least_penetrations(x: Float[Array, "nodes dims"]) -> Float[Array, " joints"]
 
     Between the instants of a grid Newton's method goes on, so that it is smooth in the nodes.
     """
-    # A frame's three coordinates stand behind the pairs of the joints.
-    pairs = x[:, : x.shape[1] - x.shape[1] % 2 * 3].reshape(len(x), -1, 2)
+    pairs = pins(x)
     grid = resample(pairs, max(SAMPLES, 4 * len(x)))
 
     def least(pin: Float[Array, "nodes 2"], grid: Float[Array, "instants 2"]) -> Scalar:
