@@ -89,9 +89,10 @@ def periodic_orbit(
     if nodes is not None:
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
-    known = all(primal(leaf) is not None for leaf in jax.tree.leaves(scene))
-    any_held = held(scene, dict.fromkeys(scene.joints.names, jnp.ones(())))
-    if refused := forced.refusal(any_held if known else scene):
+    is_known = all(primal(leaf) is not None for leaf in jax.tree.leaves(scene))
+    # A tracked velocity is held where values are known, at whatever it comes to.
+    somehow_held = held(scene, dict.fromkeys(scene.joints.names, jnp.ones(())))
+    if refused := forced.refusal(somehow_held if is_known else scene):
         raise ValueError(f"Argument `scene` must {refused}.")
     # Shooting that is asked for is not bounded, and nodes that are given wait for nothing.
     velocities, spent = None, Spent(effort if method is None else "thorough")
