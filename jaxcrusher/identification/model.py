@@ -15,8 +15,9 @@ from jaxcrusher.batch.points import SceneFunction, scene_by
 from jaxcrusher.identification.measurements import RMS, WHOLE, Measurement
 from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.scene import AbstractScene, require_maker
+from jaxcrusher.motion.turns import SIDES
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
-from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.result import PeriodicOrbit, turns_of
 from jaxcrusher.scenes.described import Described
 from jaxcrusher.scenes.parameters import WHOLE as WHOLE_NUMBERS
 from jaxcrusher.scenes.parameters import complete
@@ -25,7 +26,6 @@ from jaxcrusher.scenes.parameters import complete
 Machine = Mapping[str, Any] | Described | SceneFunction
 # A number of an orbit beside its statistics.
 LEAST_PENETRATION = "least_penetration"
-SIDES = ("_x", "_y")
 
 
 @dataclass(frozen=True)
@@ -175,19 +175,11 @@ def look(
 
 
 def _seen(orbit: PeriodicOrbit, what: What) -> Seen:
-    count = SAMPLES * orbit.period
-    angles = 2 * np.pi * np.arange(count) / SAMPLES
-    basis = np.exp(-1j * np.outer(np.arange(what.orders + 1), angles)) * 2 / count
-    basis[0] /= 2
-    spectra = {}
-    for name, values in orbit.motion(angles, what.observables).items():
-        columns = {name: values} if values.ndim == 1 else dict(zip(SIDES, values.T, strict=True))
-        for side, column in columns.items():
-            spread = jnp.var(column)
-            # The RMS of a quantity that stands still has no slope.
-            rms = jnp.where(spread == 0, 0.0, jnp.sqrt(jnp.where(spread == 0, 1.0, spread)))
-            key = name if values.ndim == 1 else name + side
-            spectra[key] = jnp.append(basis @ column.astype(complex), rms.astype(complex))
+    known, spectra = orbit.scene.observables, {}
+    turns = turns_of(orbit, {name: known[name] for name in what.observables})
+    for name, curve in turns.curves().items():
+        orders = curve.amplitudes(what.orders * turns.length)[0, :: turns.length]
+        spectra[name] = jnp.append(orders, curve.moving.rms[0].astype(complex))
     statistics = {
         name: orbit.least_penetration if name == LEAST_PENETRATION else orbit[name]
         for name in what.statistics

@@ -53,7 +53,11 @@ class EccentricityFormulation(AbstractFormulation):
 
     def initial(self, scene: AbstractScene) -> EccentricityState:
         """Return what the scene's start says, with crank and frame at theirs."""
-        joints = scene.joints.map(joint_state, *start_of(scene).eccentricities(scene))
+
+        def one(joint: AbstractBearing, e: Vector, rate: Vector) -> JointState:
+            return JointState(e / joint.clearance, rate, joint.initial_memory())
+
+        joints = scene.joints.map(one, *start_of(scene).eccentricities(scene))
         return EccentricityState(joints, scene.drive.initial(), initial_frame(scene))
 
     def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
@@ -85,8 +89,3 @@ class EccentricityFormulation(AbstractFormulation):
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Return the same: the state is e / c itself, and all else is of order one."""
         return rtol
-
-
-def joint_state(joint: AbstractBearing, eccentricity: Vector, rate: Vector) -> JointState:
-    """Return a joint that begins with e (m) and e' (m/s)."""
-    return JointState(eccentricity / joint.clearance, rate, joint.initial_memory())

@@ -7,7 +7,9 @@ coordinates of a frame on supports, in the units of its state.
 """
 
 from collections.abc import Iterator
+from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,14 +20,17 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation, EccentricityState, JointState
 from jaxcrusher.mechanism.frame import FrameState, frame_units, initial_frame
 from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import resting
 from jaxcrusher.periodic.system import System
-from jaxcrusher.periodic.trigonometric import differentiation, nodes
+from jaxcrusher.periodic.trigonometric import differentiation, evaluate, nodes, resample
 
 # Refinements of the first guess: each adds what the last one's acceleration asks of the contact.
 REFINEMENTS = 2
+# Steps that lead from an instant of a grid to the least penetration beside it.
+POLISHED = 3
 
 
 def refusal(scene: AbstractScene) -> str:
@@ -74,9 +79,10 @@ def coordinates_seen(s: Snapshot, scene: AbstractScene) -> Float[Array, " dims"]
     return _stacked(e, None if s.frame is None else frame_units(scene).state(s.frame))
 
 
-def pins(x: Float[Array, "nodes dims"]) -> Float[Array, "nodes joints 2"]:
+def pins(x: Float[Any, "*nodes dims"]) -> Float[Any, "*nodes joints 2"]:
     """Return those of the unknowns that are e / c, by joint; a frame has three, behind them."""
-    return x[:, : x.shape[1] - x.shape[1] % 2 * 3].reshape(len(x), -1, 2)
+    dims = x.shape[-1]
+    return x[..., : dims - dims % 2 * 3].reshape(*x.shape[:-1], -1, 2)
 
 
 def _units(scene: AbstractScene) -> list[Scalar]:
@@ -146,3 +152,31 @@ def quasi_static(scene: AbstractScene, period: int, count: int) -> Float[Array, 
 def snapshot(phase: Scalar, x: Array, rate: Array, scene: AbstractScene) -> Snapshot:
     """Look at an instant of an orbit."""
     return scene.formulation.snapshot(phase / scene.drive.speed, state(x, rate, scene), scene)
+
+
+@eqx.filter_jit
+def least_penetrations(x: Float[Array, "nodes dims"]) -> Float[Array, " joints"]:
+    """Return the least penetration of each joint over the period, in clearances.
+
+    Between the instants of a grid Newton's method goes on, so that it is smooth in the nodes.
+    """
+    pairs = pins(x)
+    grid = resample(pairs, max(SAMPLES, 4 * len(x)))
+
+    def least(pin: Float[Array, "nodes 2"], grid: Float[Array, "instants 2"]) -> Scalar:
+        def step(place: Scalar) -> Scalar:
+            e, rate, bend = (evaluate(pin, place, order) for order in range(3))
+            curve = rate @ rate + e @ bend
+            # A pin at rest is nowhere nearer, and has slopes in reverse too.
+            bent = curve > 0
+            return jnp.where(bent, e @ rate, 0.0) / jnp.where(bent, 2 * np.pi * curve, 1.0)
+
+        start = jnp.argmin(jnp.sum(grid**2, axis=1)) / len(grid)
+        place = jax.lax.fori_loop(0, POLISHED, lambda _, place: place - step(place), start)
+        place = jax.lax.stop_gradient(place)
+        # The place has slopes, and so the penetration has second derivatives.
+        left = step(place)
+        place = place - (left - jax.lax.stop_gradient(left))
+        return jnp.linalg.norm(evaluate(pin, place)) - 1
+
+    return jax.vmap(least, in_axes=1)(pairs, grid)

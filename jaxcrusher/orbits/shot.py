@@ -14,8 +14,7 @@ from jaxcrusher.mechanism.reductions import Chosen, of_slices, samples_of
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.tangents import same, sloped_turn
-from jaxcrusher.orbits.forced import can_be_shot, coordinates_seen
-from jaxcrusher.orbits.penetrations import least_penetrations
+from jaxcrusher.orbits.forced import can_be_shot, coordinates_seen, least_penetrations
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 from jaxcrusher.orbits.section_map import along, chained
 from jaxcrusher.periodic import newton
@@ -156,7 +155,7 @@ def shoot(scene: AbstractScene, guess: Float[ArrayLike, " dims"], period: int) -
 def least_penetrations_from(
     scene: AbstractScene, state: Float[ArrayLike, " dims"], period: int
 ) -> Float[Array, " joints"]:
-    """Return those of `jaxcrusher.orbits.penetrations.least_penetrations` from a section point."""
+    """Return those of `jaxcrusher.orbits.forced.least_penetrations` from a section point."""
     _, seen = along(scene, jnp.asarray(state), period, ORBIT_RTOL, _PATH)
     return least_penetrations(_path(seen))
 
