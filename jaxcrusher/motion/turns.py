@@ -67,7 +67,8 @@ class Curve(NamedTuple):
         """
         # An FFT sums a exp(-i k theta): its angle is the phase of the cosine.
         spectrum = jnp.fft.rfft(self.values, axis=1)[:, : highest + 1] / self.values.shape[1]
-        return spectrum * np.minimum(np.arange(highest + 1) + 1, 2)[None]
+        twice = np.where(np.arange(highest + 1) == 0, 1 + 0j, 2 + 0j)  # but for the mean
+        return spectrum * twice[None]
 
 
 def curve_of(unit: str, values: Float[Any, "pieces samples"]) -> Curve:
