@@ -95,12 +95,10 @@ class Turns:
         """Return the curves of observables that were seen; of a vector those of its sides."""
         found = {}
         for name, values in self.values.items():
-            unit = self.scene.observables[name].unit
-            if values.ndim == 2:
-                found[name] = curve_of(unit, values)
-                continue
-            for i, side in enumerate(SIDES):
-                found[name + side] = curve_of(unit, values[..., i])
+            columns = values.reshape(*values.shape[:2], -1)
+            unit, sides = self.scene.observables[name].unit, ("",) if values.ndim == 2 else SIDES
+            for i, side in enumerate(sides):
+                found[name + side] = curve_of(unit, columns[..., i])
         return found
 
     @property

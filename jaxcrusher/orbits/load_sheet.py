@@ -30,9 +30,13 @@ from jaxcrusher.mechanism.snapshot import Observable, OfPart, Snapshot
 from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.motion.turns import Curve, Turns, curve_of
 from jaxcrusher.orbits import severity
-from jaxcrusher.orbits.natural_modes import amplification, natural_modes, shares_of_energy
+from jaxcrusher.orbits.natural_modes import (
+    amplification,
+    natural_modes,
+    run_up,
+    shares_of_energy,
+)
 from jaxcrusher.orbits.result import PeriodicOrbit, turns_of
-from jaxcrusher.orbits.run_up import run_up
 
 SIDES = {"x": "horizontally", "y": "vertically"}
 WAYS = tuple(SIDES.values())
