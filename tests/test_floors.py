@@ -15,7 +15,12 @@ FLOORS = (
     ("jaxcrusher.crusher",),
     ("jaxcrusher.scenes", "jaxcrusher.motion"),
     ("jaxcrusher.orbits", "jaxcrusher.batch"),
-    ("jaxcrusher.dynamics", "jaxcrusher.identification", "jaxcrusher.pictures"),
+    (
+        "jaxcrusher.dynamics",
+        "jaxcrusher.identification",
+        "jaxcrusher.pictures",
+        "jaxcrusher.sheets",
+    ),
     ("jaxcrusher",),  # the public names
     ("jaxcrusher.commands", "jaxcrusher.testing", "optimize"),
     ("jaxcrusher.__main__",),

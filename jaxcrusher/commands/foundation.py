@@ -33,7 +33,14 @@ from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.supports import Clamped
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
-from jaxcrusher.orbits.load_sheet import (
+from jaxcrusher.orbits.solving import NODES
+from jaxcrusher.scenes.build import build_chamber
+from jaxcrusher.scenes.described import Described
+from jaxcrusher.scenes.echo import all_said
+from jaxcrusher.scenes.parameters import NUMBERS
+from jaxcrusher.scenes.plausibility import has_constant_load
+from jaxcrusher.scenes.scene_file import points_of, quantity_in, read_range
+from jaxcrusher.sheets.load_sheet import (
     AMPLIFIED,
     MATTERS,
     MOVING,
@@ -50,15 +57,8 @@ from jaxcrusher.orbits.load_sheet import (
     sheet,
     static_loads,
 )
-from jaxcrusher.orbits.natural_modes import amplification
-from jaxcrusher.orbits.severity import SOURCE
-from jaxcrusher.orbits.solving import NODES
-from jaxcrusher.scenes.build import build_chamber
-from jaxcrusher.scenes.described import Described
-from jaxcrusher.scenes.echo import all_said
-from jaxcrusher.scenes.parameters import NUMBERS
-from jaxcrusher.scenes.plausibility import has_constant_load
-from jaxcrusher.scenes.scene_file import points_of, quantity_in, read_range
+from jaxcrusher.sheets.natural_modes import amplification
+from jaxcrusher.sheets.severity import SOURCE
 
 TITLE = "Load sheet of a machine's foundation"
 FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")

@@ -12,7 +12,8 @@ import jaxcrusher as jc
 from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.supports import soil_under
 from jaxcrusher.motion.turns import Turns, run_turns
-from jaxcrusher.orbits.load_sheet import (
+from jaxcrusher.scenes.described import read_scene
+from jaxcrusher.sheets.load_sheet import (
     Row,
     Site,
     _verdicts,
@@ -27,9 +28,8 @@ from jaxcrusher.orbits.load_sheet import (
     sheet,
     static_loads,
 )
-from jaxcrusher.orbits.natural_modes import INSTANTS, linearised, moment_of_weights, run_up
-from jaxcrusher.orbits.severity import ZONES, outside_scope, share, support_kind, zone
-from jaxcrusher.scenes.described import read_scene
+from jaxcrusher.sheets.natural_modes import INSTANTS, linearised, moment_of_weights, run_up
+from jaxcrusher.sheets.severity import ZONES, outside_scope, share, support_kind, zone
 from tests.identification import by_hand
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -29,14 +29,14 @@ from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Observable, OfPart, Snapshot
 from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.motion.turns import Curve, Turns, curve_of
-from jaxcrusher.orbits import severity
-from jaxcrusher.orbits.natural_modes import (
+from jaxcrusher.orbits.result import PeriodicOrbit, turns_of
+from jaxcrusher.sheets import severity
+from jaxcrusher.sheets.natural_modes import (
     amplification,
     natural_modes,
     run_up,
     shares_of_energy,
 )
-from jaxcrusher.orbits.result import PeriodicOrbit, turns_of
 
 SIDES = {"x": "horizontally", "y": "vertically"}
 WAYS = tuple(SIDES.values())
