@@ -73,6 +73,7 @@ def test_imports_lead_down():
 def test_an_import_that_leads_up_is_found():
     upwards = "def late():\n    from jaxcrusher.motion.statistics import statistics\n"
     assert upward("jaxcrusher.crusher.scene", upwards) != []
+    assert upward("jaxcrusher.orbits.result", "from jaxcrusher.sheets import severity") != []
     assert upward("jaxcrusher.batch.sweep", "from jaxcrusher.orbits import orbit") != []
     assert upward("jaxcrusher.orbits.orbit", "from jaxcrusher.motion import tangents") == []
 
