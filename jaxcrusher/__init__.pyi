@@ -19,9 +19,6 @@ from .motion.simulation import OUTPUTS as OUTPUTS
 from .motion.simulation import simulate as simulate
 from .motion.statistics import statistics as statistics
 from .orbits.bifurcation_curve import bifurcation_curve as bifurcation_curve
-from .orbits.feed_response import feed_response as feed_response
-from .orbits.harmonics import harmonics as harmonics
-from .orbits.natural_modes import natural_modes as natural_modes
 from .orbits.orbit_branch import orbit_branch as orbit_branch
 from .orbits.periodic_orbit import periodic_orbit as periodic_orbit
 from .scenes.build import build_scene as build_scene
@@ -35,4 +32,7 @@ from .scenes.reader import linkage as linkage
 from .scenes.reader import linkage_machine as linkage_machine
 from .scenes.reader import read_machine as read_machine
 from .scenes.reader import read_scene as read_scene
+from .sheets.feed_response import feed_response as feed_response
+from .sheets.harmonics import harmonics as harmonics
+from .sheets.natural_modes import natural_modes as natural_modes
 from .version import __version__ as __version__

@@ -116,7 +116,7 @@ def _check_friction(law: AbstractFriction) -> None:
 
 
 def _check_bearing(bearing: AbstractBearing) -> None:
-    memory = bearing.normal.impact_velocity.initial()
+    memory = bearing.initial_memory()
 
     def balance(x: Array, y: Array, u: Array, v: Array, one: Array, other: Array) -> Array:
         """Return what is lost, and what of power and moment is not accounted for."""

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from jaxcrusher.joint.validity import Validity
-from jaxcrusher.orbits.load_sheet import Row
 from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.sheets.load_sheet import Row
 from optimize.limits import Limit
 from optimize.throughput import throughput
 

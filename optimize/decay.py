@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxcrusher.batch.engines import run_all, stack
-from jaxcrusher.motion.flow import pins_of
+from jaxcrusher.mechanism.state import pins_of
 from jaxcrusher.orbits.oscillation import section_of
 from jaxcrusher.orbits.transient import section_points
 from optimize.answer import Confirmed, Decay, Orbit

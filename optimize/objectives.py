@@ -14,8 +14,8 @@ from jaxcrusher.basics.checks import nan_unless, require
 from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.mechanism.reductions import PEAK, PowerMean, Statistic
 from jaxcrusher.motion.statistics import Statistics
-from jaxcrusher.orbits.feed_response import TURNS
 from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.sheets.feed_response import TURNS
 
 # Of a motion's statistics, its scene, and the chamber of a crusher.
 Formula = Callable[[Statistics | PeriodicOrbit, Any, Any], Scalar]

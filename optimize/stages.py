@@ -19,8 +19,8 @@ from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
-from jaxcrusher.orbits.load_sheet import Row, Site, sheet
 from jaxcrusher.scenes.reader import points_of
+from jaxcrusher.sheets.load_sheet import Row, Site, sheet
 from optimize import landscape, local, orbits, smooth
 from optimize.answer import Bound, Coexisting, Confirmed, Front, Orbit, Refinement
 from optimize.bound import MOST, Points, Refined, optimality_bound, refined, unbounded

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from jaxcrusher.orbits.feed_response import TURNS
 from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import said, unit_of
+from jaxcrusher.sheets.feed_response import TURNS
 from optimize import decay
 from optimize.answer import Answer, Check, Confirmed, Orbit
 from optimize.case import Case

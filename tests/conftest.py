@@ -18,7 +18,7 @@ import pytest
 # writes LLVM's text, and what only writes and asks. Rooms that the package itself calls most are
 # left out, which takes a fifth off the quick tests' time: `tests/whole/test_signatures.py` asks for
 # them, of the tests of these rooms alone.
-ROOMS = "crusher scenes motion orbits batch dynamics identification pictures".split()
+ROOMS = "crusher scenes motion orbits batch dynamics identification pictures sheets".split()
 ROOMS += "basics joint mechanism".split() if "JAXCRUSHER_CHECKED" in os.environ else []
 jaxtyping.install_import_hook(
     [f"jaxcrusher.{name}" for name in ROOMS],

@@ -15,7 +15,12 @@ FLOORS = (
     ("jaxcrusher.crusher",),
     ("jaxcrusher.scenes", "jaxcrusher.motion"),
     ("jaxcrusher.orbits", "jaxcrusher.batch"),
-    ("jaxcrusher.dynamics", "jaxcrusher.identification", "jaxcrusher.pictures"),
+    (
+        "jaxcrusher.dynamics",
+        "jaxcrusher.identification",
+        "jaxcrusher.pictures",
+        "jaxcrusher.sheets",
+    ),
     ("jaxcrusher",),  # the public names
     ("jaxcrusher.commands", "jaxcrusher.testing", "optimize"),
     ("jaxcrusher.__main__",),
@@ -68,6 +73,7 @@ def test_imports_lead_down():
 def test_an_import_that_leads_up_is_found():
     upwards = "def late():\n    from jaxcrusher.motion.statistics import statistics\n"
     assert upward("jaxcrusher.crusher.template", upwards) != []
+    assert upward("jaxcrusher.orbits.result", "from jaxcrusher.sheets import severity") != []
     assert upward("jaxcrusher.batch.sweep", "from jaxcrusher.orbits import orbit") != []
     assert upward("jaxcrusher.orbits.orbit", "from jaxcrusher.motion import tangents") == []
 

@@ -2,13 +2,13 @@
 
 from dataclasses import replace
 
-import jax
 import numpy as np
 
 from benchmarks.peers import scipy_peer
 from benchmarks.peers.any_linkage import AnyLinkage, instant
 from jaxcrusher.crusher.machine import LETTERS
 from jaxcrusher.mechanism.frame import frame_units
+from jaxcrusher.motion.flow import unflattened
 from jaxcrusher.orbits.result import PeriodicOrbit
 
 # A turn, of the shaking force: its RMS is known to 1e-7 where pins bounce, and by 1024 to 5e-4.
@@ -19,15 +19,16 @@ PATIENCE = 300.0  # seconds of the processor that SciPy has
 def on_orbit(orbit: PeriodicOrbit, peer: AnyLinkage) -> AnyLinkage:
     """Return the free bodies as they stand and move where the orbit begins."""
     scene = orbit.scene
-    state = jax.tree.structure(scene.formulation.initial(scene))
-    at = jax.tree.unflatten(state, np.asarray(orbit.section))
+    state = unflattened(orbit.section, scene)
+    assert state is not None
+    parts = state.parts
     e, rates, frame = {}, {}, None
     for name, joint in scene.joints.items():
-        of = at.joints.at(name)
-        part, letter = float(joint.clearance) * of.relative_eccentricity, LETTERS.get(name, name)
-        e[letter], rates[letter] = complex(part.x, part.y), complex(of.rate.x, of.rate.y)
-    if at.frame is not None:
-        moved = frame_units(scene).motion(at.frame)
+        at, rate = parts.eccentricities.at(name), parts.rates.at(name)
+        part, letter = float(joint.clearance) * at, LETTERS.get(name, name)
+        e[letter], rates[letter] = complex(part.x, part.y), complex(rate.x, rate.y)
+    if parts.frame is not None:
+        moved = frame_units(scene).motion(parts.frame)
         place, velocity = moved.displacement, moved.velocity
         six = (place.x, place.y, moved.rotation, velocity.x, velocity.y, moved.spin)
         frame = np.array([float(number) for number in six])

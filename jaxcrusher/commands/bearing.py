@@ -31,7 +31,9 @@ from jaxcrusher.joint.rollers import (
     clearance_class,
 )
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.motion.bearing_sheet import (
+from jaxcrusher.motion.turns import Turns, require_turns, run_turns
+from jaxcrusher.scenes.units import all_said, units_of
+from jaxcrusher.sheets.bearing_sheet import (
     COLUMNS,
     NUMBERS,
     SHAKING,
@@ -40,8 +42,6 @@ from jaxcrusher.motion.bearing_sheet import (
     outputs_of,
     shaking_rms,
 )
-from jaxcrusher.motion.turns import Turns, require_turns, run_turns
-from jaxcrusher.scenes.units import all_said, units_of
 
 # Unit -> that of the screen, and how many of it the first is.
 SHOWN = {"N": ("kN", 1e-3), "Pa": ("GPa", 1e-9), "W": ("kW", 1e-3), "h": ("h", 1.0)}

@@ -30,7 +30,11 @@ from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.supports import Clamped
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
-from jaxcrusher.orbits.load_sheet import (
+from jaxcrusher.orbits.solving import NODES
+from jaxcrusher.scenes.machine import Machine
+from jaxcrusher.scenes.reader import points_of, quantity_in, read_range
+from jaxcrusher.scenes.units import all_said
+from jaxcrusher.sheets.load_sheet import (
     AMPLIFIED,
     MATTERS,
     MOVING,
@@ -47,12 +51,8 @@ from jaxcrusher.orbits.load_sheet import (
     sheet,
     static_loads,
 )
-from jaxcrusher.orbits.natural_modes import amplification
-from jaxcrusher.orbits.severity import SOURCE
-from jaxcrusher.orbits.solving import NODES
-from jaxcrusher.scenes.machine import Machine
-from jaxcrusher.scenes.reader import points_of, read_range
-from jaxcrusher.scenes.units import all_said, quantity_in
+from jaxcrusher.sheets.natural_modes import amplification
+from jaxcrusher.sheets.severity import SOURCE
 
 TITLE = "Load sheet of a machine's foundation"
 FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")

@@ -15,8 +15,8 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.dynamics.regime import LEAST_TURNS, NOISE
 from jaxcrusher.files.table import COLUMNS, columns_of, dataset
-from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.state import pins_of, places_of
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.indicators import detect_period, spread_trend
 from jaxcrusher.motion.section import Section, poincare_section
@@ -76,23 +76,23 @@ def bifurcation(
     good = numbers.ndim == 1 and numbers.size > 0 and bool((np.diff(numbers) > 0).all())
     require(good, "values", "have shape (n,), n > 0, and increase", values)
     scenes = [machine.scene(**{name: float(number)}) for number in numbers]
-    moves = all(
-        isinstance(one.formulation, EccentricityFormulation) and not one.is_ideal for one in scenes
-    )
+    moves = all(len(pins_of(one)) > 0 for one in scenes)
     require(moves, "machine", "have clearance, and the eccentricity formulation", scenes[0])
+    first, of = places_of(scenes[0]), scenes[0].leading
+    which = jax.tree.leaves((first.eccentricities.values[0], first.rates.values[0]))
     run = eqx.Partial(_run, settle=settle_turns, turns=turns, rtol=rtol)
     count, rows = len(scenes), [{}] * len(numbers)
     if direction == "cold":
         found = jax.tree.map(jnp.asarray, run_all(run, stack(scenes), progress=progress))
         each = (jax.tree.map(lambda leaf, i=i: leaf[i], found) for i in range(count))
-        rows = [_row(one, scenes[0].leading, rtol) for one in each]
+        rows = [_row(one, of, which, rtol) for one in each]
     else:
         order = range(count) if direction == "up" else range(count - 1, -1, -1)
         state = None
         for done, i in enumerate(order, 1):
             begin = initial_state(scenes[i]) if state is None else state
             found = run(scenes[i], begin)
-            rows[i] = _row(found, scenes[i].leading, rtol)
+            rows[i] = _row(found, of, which, rtol)
             state = found.state if rows[i]["success"] else None
             if progress is not None:
                 progress(done, count)
@@ -108,8 +108,8 @@ def _run(
     return poincare_section(scene, settle, turns, state=state, outputs=of_whirl(scene), rtol=rtol)
 
 
-def _row(found: Section, leading: str, rtol: float) -> dict[str, np.ndarray]:
-    """Return the diagram's row of one value."""
+def _row(found: Section, leading: str, which: list[int], rtol: float) -> dict[str, np.ndarray]:
+    """Return the diagram's row of one value: `which` numbers of its section points, and more."""
     states, rms = np.array(found.states), np.array(found[leading])
     success, period, settled = bool(found.success), None, False
     whirl = success and bool(found.statistics.whirl)
@@ -119,7 +119,7 @@ def _row(found: Section, leading: str, rtol: float) -> dict[str, np.ndarray]:
         noise = NOISE * rtol
         period = detect_period(states, noise=noise)
         settled = period is not None or not spread_trend(states, noise=noise)[1]
-    row = dict(zip(COORDINATES, states.T, strict=False)) | {leading: rms}
+    row = dict(zip(COORDINATES, states[:, which].T, strict=True)) | {leading: rms}
     flags = zip(FLAGS, (success, whirl, settled, period or 0), strict=True)
     return row | {key: np.asarray(flag) for key, flag in flags}
 

@@ -22,7 +22,8 @@ from jaxcrusher.batch.store import Layout, opened
 from jaxcrusher.files.table import COLUMNS, digits
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene, require_steady
-from jaxcrusher.motion.flow import initial_state, pins_of
+from jaxcrusher.mechanism.state import pins_of
+from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.orbits.oscillation import (
     NEAR,
     Oscillation,

@@ -23,6 +23,7 @@ from jaxcrusher.motion.indicators import CHAOS, ENOUGH, spread_trend, verdict, w
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.statistics import Statistics, by_turns, of_whirl, statistics
+from jaxcrusher.orbits.forced import pins
 from jaxcrusher.orbits.shot import STEPS
 from jaxcrusher.orbits.transient import (
     APART,
@@ -220,9 +221,8 @@ class LaneWaits:
         """
         known = which.tolist()
         found = self._run(eqx.Partial(_one_period, period=period), states, known)
-        orbits, loose = found["orbit"], len(self._scenes[known[0]].joints)
-        pins = orbits[..., : 2 * loose].reshape(*orbits.shape[:2], loose, 2)
-        kept = np.all(np.linalg.norm(pins, axis=3) > 1, axis=(1, 2)) & found["success"]
+        orbits = found["orbit"]
+        kept = np.all(np.linalg.norm(pins(orbits), axis=3) > 1, axis=(1, 2)) & found["success"]
         return np.where(found["success"][:, None, None], orbits, np.nan), kept
 
     def _run(

@@ -11,7 +11,8 @@ from jaxcrusher.basics.checks import require, require_untraced, require_whole
 from jaxcrusher.basics.integrate import Outcome
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
-from jaxcrusher.motion.flow import initial_state, pins_of
+from jaxcrusher.mechanism.state import pins_of
+from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.indicators import (
     CHAOS,
     Lyapunov,

@@ -14,14 +14,14 @@ from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.identification.measurements import RMS, WHOLE, Measurement
 from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.motion.turns import SIDES
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
-from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.result import PeriodicOrbit, turns_of
 from jaxcrusher.scenes.machine import Family
 from jaxcrusher.scenes.parameters import WHOLE as WHOLE_NUMBERS
 
 # A number of an orbit beside its statistics.
 LEAST_PENETRATION = "least_penetration"
-SIDES = ("_x", "_y")
 
 
 def require_continuous(argument: str, names: Iterable[str]) -> None:
@@ -129,19 +129,11 @@ def look(
 
 
 def _seen(orbit: PeriodicOrbit, what: What) -> Seen:
-    count = SAMPLES * orbit.period
-    angles = 2 * np.pi * np.arange(count) / SAMPLES
-    basis = np.exp(-1j * np.outer(np.arange(what.orders + 1), angles)) * 2 / count
-    basis[0] /= 2
-    spectra = {}
-    for name, values in orbit.motion(angles, what.observables).items():
-        columns = {name: values} if values.ndim == 1 else dict(zip(SIDES, values.T, strict=True))
-        for side, column in columns.items():
-            spread = jnp.var(column)
-            # The RMS of a quantity that stands still has no slope.
-            rms = jnp.where(spread == 0, 0.0, jnp.sqrt(jnp.where(spread == 0, 1.0, spread)))
-            key = name if values.ndim == 1 else name + side
-            spectra[key] = jnp.append(basis @ column.astype(complex), rms.astype(complex))
+    known, spectra = orbit.scene.observables, {}
+    turns = turns_of(orbit, {name: known[name] for name in what.observables})
+    for name, curve in turns.curves().items():
+        orders = curve.amplitudes(what.orders * turns.length)[0, :: turns.length]
+        spectra[name] = jnp.append(orders, curve.moving.rms[0].astype(complex))
     statistics = {
         name: orbit.least_penetration if name == LEAST_PENETRATION else orbit[name]
         for name in what.statistics

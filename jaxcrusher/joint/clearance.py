@@ -8,7 +8,7 @@ import abc
 import dataclasses
 
 import equinox as eqx
-from jaxtyping import Scalar
+from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import Vector, scalar
@@ -57,19 +57,27 @@ class AbstractBearing(Printed):
         rate: Vector,
         bearing_spin: Scalar | float,
         journal_spin: Scalar | float,
-        memory: Scalar | None,
+        memory: PyTree[Scalar] | None,
     ) -> Contact:
         """The contact at eccentricity e = journal centre - bearing centre (m), rate e' (m/s).
 
-        Spins in rad/s, counterclockwise; `memory` is that of the law's impact velocity.
+        Spins in rad/s, counterclockwise; `memory` is what the bearing remembers.
         """
 
     @abc.abstractmethod
     def half_width_ratio(self, penetration: Scalar) -> Scalar:
         """Hertz's half-width over the radius that it is narrow against."""
 
-    def memory_rate(self, contact: Contact, memory: Scalar | None) -> Scalar | None:
-        """The time derivative of the impact velocity's memory."""
+    def initial_memory(self) -> PyTree[Scalar] | None:
+        """What the bearing remembers at the start of a motion, of order one; None: nothing.
+
+        It is part of the state. Here it is what the law's impact velocity remembers; a bearing
+        whose laws remember more returns a record of all, and its rate by `memory_rate`.
+        """
+        return self.normal.impact_velocity.initial()
+
+    def memory_rate(self, contact: Contact, memory: PyTree[Scalar] | None) -> PyTree[Scalar] | None:
+        """The time derivative of what the bearing remembers, per second."""
         depth, approach = contact.penetration, contact.penetration_rate
         in_contact = self.normal.in_contact(depth)
         return self.normal.impact_velocity.rate(memory, in_contact, depth, approach)

@@ -5,20 +5,20 @@ constraints, no drift, and no penetration is a difference of two large numbers. 
 frame on supports add their own states; with ideal joints there may be none at all.
 """
 
-import equinox as eqx
-from jaxtyping import Scalar
+from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.record import Record
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
-from jaxcrusher.mechanism.drives import CrankState, from_nearest_turn
+from jaxcrusher.mechanism.drives import CrankState
 from jaxcrusher.mechanism.equations import solve
 from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
 from jaxcrusher.mechanism.motion import moving
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene, contacts_of, wrenches_of
+from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
+from jaxcrusher.mechanism.state import AbstractState, Parts, contacts_of, snapshot_of
 
 
 class JointState(Record):
@@ -26,15 +26,26 @@ class JointState(Record):
 
     relative_eccentricity: Vector  # e / c
     rate: Vector  # e', m/s
-    impact_velocity: Scalar | None  # the normal law's memory, m/s
+    memory: PyTree[Scalar] | None  # of its bearing
 
 
-class EccentricityState(Record):
+class EccentricityState(AbstractState):
     """State of the joints with clearance, of a free crank, and of a frame on supports."""
 
     joints: Named[JointState]
     crank: CrankState | None = None
     frame: FrameState | None = None
+
+    @property
+    def parts(self) -> Parts:
+        """Return the parts of the state."""
+        return Parts(
+            self.joints.map(lambda at: at.relative_eccentricity),
+            self.joints.map(lambda at: at.rate),
+            self.joints.map(lambda at: at.memory),
+            None if self.crank is None else self.crank.angle,
+            self.frame,
+        )
 
 
 class EccentricityFormulation(AbstractFormulation):
@@ -42,21 +53,22 @@ class EccentricityFormulation(AbstractFormulation):
 
     def initial(self, scene: AbstractScene) -> EccentricityState:
         """Return what the scene's start says, with crank and frame at theirs."""
-        joints = scene.joints.map(joint_state, *start_of(scene).eccentricities(scene))
+
+        def one(joint: AbstractBearing, e: Vector, rate: Vector) -> JointState:
+            return JointState(e / joint.clearance, rate, joint.initial_memory())
+
+        joints = scene.joints.map(one, *start_of(scene).eccentricities(scene))
         return EccentricityState(joints, scene.drive.initial(), initial_frame(scene))
 
     def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
         """Return an instant: places first, then the forces, then the accelerations."""
-        frame = None if state.frame is None else frame_units(scene).motion(state.frame)
-        e = scene.joints.map(lambda one, at: one.clearance * at.relative_eccentricity, state.joints)
-        rates = state.joints.map(lambda at: at.rate)
-        motion = moving(scene.linkage, scene.drive.crank(time, state.crank), e, rates)
-        contacts = contacts_of(scene, motion, state.joints.map(lambda at: at.impact_velocity))
-        applied = scene.applied(motion)
-        wrenches, gravity, body = wrenches_of(scene, applied, frame)
+        parts = state.parts
+        frame = None if parts.frame is None else frame_units(scene).motion(parts.frame)
+        e = scene.joints.map(lambda one, at: one.clearance * at, parts.eccentricities)
+        motion = moving(scene.linkage, scene.drive.crank(time, state.crank), e, parts.rates)
+        contacts = contacts_of(scene, motion, parts.memories)
         torque = scene.drive.torque(time, motion.crank)
-        found = solve(motion, wrenches, contacts, torque, gravity, frame=body)
-        return Snapshot(motion, contacts, applied, found, frame)
+        return snapshot_of(scene, motion, contacts, torque, frame, solve)
 
     def rate(
         self, snapshot: Snapshot, state: EccentricityState, scene: AbstractScene
@@ -67,26 +79,13 @@ class EccentricityFormulation(AbstractFormulation):
         def one(
             joint: AbstractBearing, at: JointState, contact: Contact, second: Vector
         ) -> JointState:
-            memory = joint.memory_rate(contact, at.impact_velocity)
+            memory = joint.memory_rate(contact, at.memory)
             return JointState(at.rate / joint.clearance, second, memory)
 
         joints = scene.joints.map(one, state.joints, snapshot.contacts, found.eccentricities)
         crank = scene.drive.rate(snapshot.motion.crank, found.past_frame(scene.linkage.crank))
         return EccentricityState(joints, crank, frame_rate(scene, snapshot.frame, found))
 
-    def unwound(self, state: EccentricityState) -> EccentricityState:
-        """Return the state with a free crank's angle unwound; nothing else of it is an angle."""
-        if state.crank is None:
-            return state
-        angle = from_nearest_turn(state.crank.angle)
-        return eqx.tree_at(lambda s: s.crank.angle, state, angle)
-
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Return the same: the state is e / c itself, and all else is of order one."""
         return rtol
-
-
-def joint_state(joint: AbstractBearing, eccentricity: Vector, rate: Vector) -> JointState:
-    """Return a joint that begins with e (m) and e' (m/s)."""
-    memory = joint.normal.impact_velocity.initial()
-    return JointState(eccentricity / joint.clearance, rate, memory)

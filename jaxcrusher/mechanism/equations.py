@@ -17,7 +17,7 @@ that begins with it floats. Spins and accelerations are those past the ground, i
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -27,7 +27,7 @@ from jaxcrusher.basics.linear import solve_symmetric
 from jaxcrusher.basics.plane import Arm, Vector, arm_to, minus, or_zero, plus, total
 from jaxcrusher.basics.record import Record
 from jaxcrusher.joint.clearance import Contact
-from jaxcrusher.mechanism.linkage import Body, Joint, Point
+from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME, Tree, forest
@@ -51,6 +51,38 @@ class MovingFrame(Record):
     spin: Scalar  # rad/s
 
 
+class Forces(NamedTuple):
+    """What acts on the bodies of a motion besides what holds them together."""
+
+    wrenches: tuple[Wrench, ...]  # besides the weight and the contacts
+    gravity: Vector  # in the frame's axes, m/s2
+    contacts: Named[Contact]  # of the loose joints
+    torque: Scalar | None = None  # on the crank, N m; None: it turns as the motion says
+    frame: MovingFrame | None = None  # None: clamped
+
+    def bodies(self, linkage: Linkage) -> dict[str, Body]:
+        """Return all bodies; a frame on supports is the last one."""
+        bodies = dict(linkage.bodies.items())
+        return bodies if self.frame is None else {**bodies, FRAME: self.frame.body}
+
+    def sums(self, motion: Motion) -> Sums:
+        """Return the force and the moment on each body."""
+        bodies = self.bodies(motion.linkage)
+        found = [Wrench(name, one.mass * self.gravity) for name, one in bodies.items()]
+        found += self.wrenches
+        for name, contact in self.contacts.items():
+            joint = motion.linkage.joint(name)
+            found += _pair(motion, joint, contact.force, self.frame)
+            found += [
+                Wrench(joint.bore.body, None, contact.bearing_moment),
+                Wrench(joint.pin.body, None, contact.journal_moment),
+            ]
+        if self.torque is not None:
+            crank = motion.linkage.crank
+            found += [Wrench(crank, None, self.torque), Wrench(FRAME, None, -self.torque)]
+        return _sums(found)
+
+
 class Guiding(Record):
     """What a slider does to its slide, in the frame."""
 
@@ -67,6 +99,7 @@ class Accelerations(Record):
     forces: Named[Vector]  # on the bore of each joint, N
     torque: Scalar  # on the crank by what drives it, N m
     slides: Named[Guiding] = eqx.field(default_factory=Named)  # on the frame by each slide
+    residual: Scalar | None = None  # of held joints, m or rad; None: they are held exactly
 
     def past_frame(self, body: str) -> Scalar:
         """Return the angular acceleration of a body past the frame, rad/s2."""
@@ -96,14 +129,11 @@ class _Ways:
         motion: Motion,
         trees: tuple[Tree, ...],
         curvatures: Named[Vector],
-        frame: MovingFrame | None,
-        driven: bool,
+        forces: Forces,
     ):
-        linkage = motion.linkage
+        linkage, frame, driven = motion.linkage, forces.frame, forces.torque is None
         self.motion, self.frame, self.curvatures = motion, frame, curvatures
-        self.bodies: dict[str, Body] = dict(linkage.bodies.items())
-        if frame is not None:
-            self.bodies[FRAME] = frame.body
+        self.bodies = forces.bodies(linkage)
         self.slides = {slide.body: name for name, slide in linkage.slides.items()}
         # Sliders turn with the frame. So does a driven crank, and past it by a spin that is known.
         self.turning_with = {body: body for body in self.bodies}
@@ -177,28 +207,15 @@ class _Ways:
         return total(found)
 
 
-def solve(
-    motion: Motion,
-    wrenches: Iterable[Wrench],
-    contacts: Named[Contact],
-    torque: Scalar | None,
-    gravity: Vector,
-    curvatures: Named[Vector] | None = None,
-    frame: MovingFrame | None = None,
-) -> Accelerations:
+def solve(motion: Motion, acting: Forces, curvatures: Named[Vector] | None = None) -> Accelerations:
     """Return the accelerations of a motion, and the forces that hold its joints.
 
-    `wrenches` act besides the weight, `gravity` is that of the frame's axes (m/s2), `contacts` are
-    those of the loose joints. A crank without a `torque` (N m) turns as the motion says.
     `curvatures` are e'' (m/s2) of joints that are not loose and have an eccentricity all the same.
     """
     linkage, curvatures = motion.linkage, Named() if curvatures is None else curvatures
+    contacts, torque, frame = acting.contacts, acting.torque, acting.frame
     trees, closing = forest(linkage.ends, linkage.bodies.names, contacts.names)
-    ways = _Ways(motion, trees, curvatures, frame, driven=torque is None)
-    weights = [Wrench(name, one.mass * gravity) for name, one in ways.bodies.items()]
-    sums = sums_of([*weights, *wrenches, *pushes(motion, contacts, frame)])
-    if torque is not None:
-        sums = sums_of([Wrench(linkage.crank, None, torque), Wrench(FRAME, None, -torque)], sums)
+    ways, sums = _Ways(motion, trees, curvatures, acting), acting.sums(motion)
 
     unknown = [
         name
@@ -228,7 +245,7 @@ def solve(
         second[name] = _past(frame, motion, name, or_zero(minus(*ends)), turned.get(FRAME))
 
     for name, force in closed.items():
-        sums = sums_of(_pair(motion, linkage.joint(name), force, frame), sums)
+        sums = _sums(_pair(motion, linkage.joint(name), force, frame), sums)
     missing = {
         name: minus(one.mass * centres[name], sums[name][0]) for name, one in ways.bodies.items()
     }
@@ -348,20 +365,6 @@ class _Rows:
         return push / self.mass
 
 
-def pushes(motion: Motion, contacts: Named[Contact], frame: MovingFrame | None) -> list[Wrench]:
-    """Return what the contacts of loose joints do to their bodies."""
-    found = []
-    for name, contact in contacts.items():
-        joint = motion.linkage.joint(name)
-        found += _pair(motion, joint, contact.force, frame)
-        for point, moment in (
-            (joint.bore, contact.bearing_moment),
-            (joint.pin, contact.journal_moment),
-        ):
-            found.append(Wrench(point.body, None, moment))
-    return found
-
-
 def _pair(
     motion: Motion, joint: Joint, force: Vector, frame: MovingFrame | None
 ) -> tuple[Wrench, Wrench]:
@@ -384,7 +387,7 @@ def wrench_at(
     return Wrench(point.body, force, None if arm is None else arm.cross(force))
 
 
-def sums_of(wrenches: Iterable[Wrench], before: Sums | None = None) -> Sums:
+def _sums(wrenches: Iterable[Wrench], before: Sums | None = None) -> Sums:
     """Return force and moment on each body, added to those before."""
     found = {} if before is None else dict(before)
     for one in wrenches:

@@ -11,27 +11,20 @@ import functools
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Scalar
+from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics.linear import SparseRow, solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, or_zero, plus, scalar
 from jaxcrusher.basics.record import Record
-from jaxcrusher.mechanism.drives import from_nearest_turn
-from jaxcrusher.mechanism.equations import (
-    Accelerations,
-    Guiding,
-    MovingFrame,
-    Wrench,
-    pushes,
-    sums_of,
-)
+from jaxcrusher.mechanism.equations import Accelerations, Forces, Guiding
 from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
-from jaxcrusher.mechanism.linkage import Body, Joint, Slide
+from jaxcrusher.mechanism.linkage import Joint, Slide
 from jaxcrusher.mechanism.motion import Crank, Motion, Pose, moving
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene, contacts_of, wrenches_of
+from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
+from jaxcrusher.mechanism.state import AbstractState, Parts, contacts_of, snapshot_of
 from jaxcrusher.mechanism.topology import FRAME
 
 # The unit of time of the velocities in the state: as long as a contact, so that the error
@@ -49,13 +42,19 @@ class Placement(Record):
         return Placement(self.centre * factor, self.angle * factor)
 
 
-class MultiplierState(Record):
-    """q (m, rad), and q' in units per CONTACT_TIME."""
+class MultiplierState(AbstractState):
+    """q (m, rad), and q' in units per CONTACT_TIME; the crank is the first of the bodies."""
 
     position: Named[Placement]
     velocity: Named[Placement]
-    impact_velocities: Named[Scalar]  # the normal laws' memories, m/s
+    memories: Named[PyTree[Scalar]]  # of the bearings
     frame: FrameState | None = None
+
+    @property
+    def parts(self) -> Parts:
+        """Return the parts of the state."""
+        angle = self.position.values[0].angle
+        return Parts(Named(), Named(), self.memories, angle, self.frame)
 
 
 class MultiplierFormulation(AbstractFormulation):
@@ -70,7 +69,6 @@ class MultiplierFormulation(AbstractFormulation):
         crank = drive.crank(scalar(0.0), drive.initial())
         motion = moving(linkage, crank, *start_of(scene).eccentricities(scene))
         position, velocity = {}, {}
-        # The crank first: `unwound` finds it there.
         for name in sorted(linkage.bodies.names, key=lambda name: name != linkage.crank):
             pose = motion.pose(name)
             # A crank counts its turns.
@@ -79,23 +77,24 @@ class MultiplierFormulation(AbstractFormulation):
             spin = jnp.zeros_like(angle) if pose.spin is None else pose.spin
             position[name] = Placement(motion.centre(name), angle)
             velocity[name] = Placement(motion.centre_velocity(name), spin) * CONTACT_TIME
-        memories = scene.joints.map(lambda joint: joint.normal.impact_velocity.initial())
+        memories = scene.joints.map(lambda joint: joint.initial_memory())
         return MultiplierState(Named(position), Named(velocity), memories, initial_frame(scene))
 
     def snapshot(self, time: Scalar, state: MultiplierState, scene: AbstractScene) -> Snapshot:
         """Return an instant: solve (20) for the accelerations and the multipliers."""
         frame = None if state.frame is None else frame_units(scene).motion(state.frame)
         motion = _motion(scene, state)
-        contacts = contacts_of(scene, motion, state.impact_velocities)
-        applied = scene.applied(motion)
-        wrenches, gravity, body = wrenches_of(scene, applied, frame)
-        wrenches += pushes(motion, contacts, body)
-        linkage, torque = scene.linkage, scene.drive.torque(time, motion.crank)
-        if torque is not None:
-            wrenches += [Wrench(linkage.crank, None, torque), Wrench(FRAME, None, -torque)]
+        contacts = contacts_of(scene, motion, state.memories)
+        torque = scene.drive.torque(time, motion.crank)
+        solve = functools.partial(self._solved, time, scene)
+        return snapshot_of(scene, motion, contacts, torque, frame, solve)
 
-        bodies = _Bodies(motion, body)
-        gaps = {name: bodies.gap(joint) for name, joint in motion.linkage.joints.items()}
+    def _solved(
+        self, time: Scalar, scene: AbstractScene, motion: Motion, acting: Forces
+    ) -> Accelerations:
+        linkage, torque, contacts = scene.linkage, acting.torque, acting.contacts
+        bodies = _Bodies(motion, acting)
+        gaps = {name: bodies.gap(joint) for name, joint in linkage.joints.items()}
         rows, kept = [], []
         for name, gap in gaps.items():
             if name not in scene.joints:
@@ -110,8 +109,7 @@ class MultiplierFormulation(AbstractFormulation):
             rows.append(bodies.turning(linkage.crank))
             kept.append(_off(scene, time, motion))
         right = [-rest - 2 * self.alpha * rate - self.beta**2 * off for off, rate, rest in kept]
-        forces = bodies.forces(wrenches, gravity)
-        found, multipliers = solve_constrained(bodies.masses, rows, forces, right)
+        found, multipliers = solve_constrained(bodies.masses, rows, bodies.forces, right)
 
         held, on_bore = iter(multipliers), {n: one.force for n, one in contacts.items()}
         for name in gaps:
@@ -120,17 +118,16 @@ class MultiplierFormulation(AbstractFormulation):
         guides = linkage.slides.map(lambda _: Guiding(next(held), next(held)))
         torque = -next(held) if torque is None else torque
         spin_ups = {name: found[3 * i + 2] for i, name in enumerate(bodies.names)}
-        accelerations = Accelerations(
+        none = jnp.zeros_like(motion.crank.speed)  # where no joint is held
+        return Accelerations(
             Named(spin_ups),
             Named({n: Vector(*found[3 * i : 3 * i + 2]) for i, n in enumerate(bodies.names)}),
             Named({name: gaps[name].acceleration(found) for name in scene.joints.names}),
             Named({name: on_bore[name] for name in gaps}),
             torque,
             guides,
+            functools.reduce(jnp.maximum, [jnp.abs(off) for off, _, _ in kept], none),
         )
-        none = jnp.zeros_like(motion.crank.speed)  # where no joint is held
-        residual = functools.reduce(jnp.maximum, [jnp.abs(off) for off, _, _ in kept], none)
-        return Snapshot(motion, contacts, applied, accelerations, frame, residual)
 
     def rate(
         self, snapshot: Snapshot, state: MultiplierState, scene: AbstractScene
@@ -151,7 +148,7 @@ class MultiplierFormulation(AbstractFormulation):
         memories = scene.joints.map(
             lambda joint, contact, memory: joint.memory_rate(contact, memory),
             snapshot.contacts,
-            state.impact_velocities,
+            state.memories,
         )
         return MultiplierState(
             state.velocity.map(lambda one: one * (1 / CONTACT_TIME)),
@@ -159,11 +156,6 @@ class MultiplierFormulation(AbstractFormulation):
             memories,
             frame_rate(scene, frame, found),
         )
-
-    def unwound(self, state: MultiplierState) -> MultiplierState:
-        """Return the state with the angle of its first body, the crank, unwound."""
-        angle = from_nearest_turn(state.position.values[0].angle)
-        return eqx.tree_at(lambda s: s.position.present[0].angle, state, angle)
 
     def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
         """Return a tolerance of positions of some 1 m against the clearance, above rounding.
@@ -213,25 +205,24 @@ class _Gap(Record):
 class _Bodies:
     """Three coordinates of each body, and of a frame on supports: those past the ground."""
 
-    def __init__(self, motion: Motion, frame: MovingFrame | None):
-        self.motion, self.frame = motion, frame
-        self.bodies: dict[str, Body] = dict(motion.linkage.bodies.items())
-        if frame is not None:
-            self.bodies[FRAME] = frame.body
-        self.names = tuple(self.bodies)
+    def __init__(self, motion: Motion, acting: Forces):
+        self.motion, self.frame = motion, acting.frame
+        self.bodies = acting.bodies(motion.linkage)
+        self.names, self.sums = tuple(self.bodies), acting.sums(motion)
 
     @property
     def masses(self) -> list[Scalar]:
         """Return the diagonal of M, (17)."""
         return [part for one in self.bodies.values() for part in (one.mass, one.mass, one.inertia)]
 
-    def forces(self, wrenches: list[Wrench], gravity: Vector) -> list[Scalar]:
+    @property
+    def forces(self) -> list[Scalar]:
         """Return Q of (18), with weight, contacts and their moments."""
-        found, sums = [], sums_of(wrenches)
+        found = []
         for name, one in self.bodies.items():
-            force, moment = sums.get(name, (None, None))
-            force = or_zero(plus(one.mass * gravity, force))
-            found += [force.x, force.y, jnp.zeros_like(one.mass) if moment is None else moment]
+            force, moment = self.sums[name]
+            x, y = or_zero(force).x, or_zero(force).y
+            found += [x, y, jnp.zeros_like(one.mass) if moment is None else moment]
         return found
 
     def gap(self, joint: Joint) -> _Gap:

@@ -192,7 +192,8 @@ def _penetration_rate(s: Snapshot, scene: Scene, joint: str) -> Scalar:
 
 def constraint_residual(s: Snapshot, scene: Scene) -> Scalar:
     """Return by how much the joints that are held are apart, m or rad."""
-    return jnp.zeros_like(s.motion.crank.speed) if s.residual is None else s.residual
+    found = s.accelerations.residual
+    return jnp.zeros_like(s.motion.crank.speed) if found is None else found
 
 
 def _on_supports(s: Snapshot, scene: Scene, name: str) -> tuple[FrameMotion, OnSupports]:

@@ -22,7 +22,7 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.plane import Vector, plus
 from jaxcrusher.basics.record import Printed
-from jaxcrusher.joint.clearance import AbstractBearing, Contact
+from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.acting import (
     AbstractPush,
@@ -33,7 +33,6 @@ from jaxcrusher.mechanism.acting import (
     spring_loss,
 )
 from jaxcrusher.mechanism.drives import AbstractDrive
-from jaxcrusher.mechanism.equations import MovingFrame, Wrench
 from jaxcrusher.mechanism.linkage import Linkage, Point
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
@@ -48,7 +47,7 @@ from jaxcrusher.mechanism.quantities import (
     usual_of,
 )
 from jaxcrusher.mechanism.reductions import Chosen, Statistic, chosen
-from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, Snapshot
+from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation, OnSupports
 from jaxcrusher.mechanism.topology import FRAME
 
@@ -315,13 +314,6 @@ class AbstractFormulation(eqx.Module):
         """Return the time derivative of the state, per second."""
 
     @abc.abstractmethod
-    def unwound(self, state: PyTree[Scalar]) -> PyTree[Scalar]:
-        """Return the same state, its crank angle (if it holds one) from the nearest whole turn.
-
-        So a motion goes on from the end of a turn as from angle zero.
-        """
-
-    @abc.abstractmethod
     def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
         """Return the solver's tolerance for an error of `rtol` clearances in the eccentricity."""
 
@@ -362,30 +354,3 @@ def require_clearance(clearance, bore_radius, prefix: str = "") -> None:
     if known is not None and bore is not None:
         limit = f"be smaller than the bore radius {bore.min():g} m"
         require(bool((known < bore).all()), f"{prefix}clearance", limit, clearance)
-
-
-def contacts_of(scene: Scene, motion: Motion, memories: Named[Scalar]) -> Named[Contact]:
-    """Return the contacts of the joints with clearance; `memories` are those of normal laws."""
-    found = {}
-    for name, one in scene.joints.items():
-        joint = motion.linkage.joint(name)
-        bore, pin = motion.spin(joint.bore.body), motion.spin(joint.pin.body)
-        found[name] = one.contact(
-            motion.eccentricities.at(name),
-            motion.rates.at(name),
-            0.0 if bore is None else bore,
-            0.0 if pin is None else pin,
-            memories[name],
-        )
-    return Named(found)
-
-
-def wrenches_of(
-    scene: Scene, applied: Acting, frame: FrameMotion | None
-) -> tuple[list[Wrench], Vector, MovingFrame | None]:
-    """Return what acts besides contacts, the weight of a unit mass, and the frame as a body."""
-    upright = Vector(0.0, -scene.linkage.gravity)
-    if frame is None or scene.supports is None:
-        return list(applied.wrenches), upright, None
-    wrenches = [*applied.wrenches, scene.supports.wrench(frame)]
-    return wrenches, upright.seen_from(frame.axis), scene.supports.moving(frame)

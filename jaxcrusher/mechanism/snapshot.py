@@ -37,7 +37,6 @@ class Snapshot(Record):
     applied: Any  # what acts besides weight and joints, as the scene says it
     accelerations: Accelerations
     frame: FrameMotion | None = None  # None: clamped
-    residual: Scalar | None = None  # of held joints, m or rad; None: they are held exactly
 
 
 class Observable(NamedTuple):

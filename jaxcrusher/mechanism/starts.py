@@ -1,6 +1,7 @@
 """Where pins start in their bores."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import TypeVar
 
 import equinox as eqx
@@ -15,7 +16,8 @@ from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.mechanism.equations import solve
 from jaxcrusher.mechanism.motion import Crank, moving
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractScene, AbstractStart, wrenches_of
+from jaxcrusher.mechanism.scene import AbstractScene, AbstractStart
+from jaxcrusher.mechanism.state import snapshot_of
 
 Scene = TypeVar("Scene", bound=AbstractScene)
 
@@ -90,8 +92,8 @@ def resting(
     if drive.initial() is None:
         crank = drive.crank(time, None)
     motion = moving(scene.linkage, crank, e, rate)
-    wrenches, gravity, _ = wrenches_of(scene, scene.applied(motion), None)
-    forces = solve(motion, wrenches, Named(), None, gravity, curvature).forces
+    held = partial(solve, curvatures=curvature)
+    forces = snapshot_of(scene, motion, Named(), None, None, held).accelerations.forces
 
     def depth(joint: AbstractBearing, force: Vector) -> Vector:
         size = norm(force, 0.0)

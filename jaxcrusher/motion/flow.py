@@ -8,14 +8,14 @@ shaft.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, ArrayLike, Float, Int, PyTree, Scalar
+from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
+from jaxcrusher.mechanism.state import unwound
 
 
 class Flow(eqx.Module):
@@ -47,23 +47,12 @@ def by_phase(
 @eqx.filter_jit
 def initial_state(scene: AbstractScene) -> Float[Array, " dims"]:
     """Where the scene starts, as a section point."""
-    return flat(scene.formulation.initial(scene), scene)
+    return flat(scene.formulation.initial(scene))
 
 
-def flat(state: PyTree[Scalar], scene: AbstractScene) -> Float[Array, " dims"]:
+def flat(state: PyTree[Scalar]) -> Float[Array, " dims"]:
     """A state as a section point: a free shaft's angle is counted from the nearest whole turn."""
-    return ravel_pytree(scene.formulation.unwound(state))[0].astype(float)
-
-
-def pins_of(scene: AbstractScene) -> Int[np.ndarray, " half"]:
-    """Return which numbers of a section point are e / c of the loose joints, x and y of each.
-
-    A joint's rates and its memory, which only some laws have, stand behind its own e / c.
-    """
-    shapes = eqx.filter_eval_shape(scene.formulation.initial, scene)
-    state = jax.tree.unflatten(jax.tree.structure(shapes), range(len(jax.tree.leaves(shapes))))
-    places = (joint.relative_eccentricity for joint in state.joints.values)
-    return np.array([number for at in places for number in (at.x, at.y)], int)
+    return ravel_pytree(unwound(state))[0].astype(float)
 
 
 def unflattened(

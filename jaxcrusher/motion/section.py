@@ -111,7 +111,7 @@ class Sloped(eqx.Module):
             one, (state, fine()), span * jnp.arange(count, dtype=float)
         )
         scene = self.build(self.point)
-        return flat(unflattened(state, scene), scene), slices, outcome
+        return flat(unflattened(state, scene)), slices, outcome
 
     def slice(
         self, state: Float[Array, " dims"], phase: Scalar, span: float

@@ -12,10 +12,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Scalar
 
-from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.mechanism.reductions import Chosen, Largest, Least, Sampled, Statistic
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.motion.flow import pins_of
+from jaxcrusher.mechanism.state import pins_of
 
 # Batches of turns of which the scatter is taken.
 BATCHES = 10
@@ -100,9 +99,9 @@ def swing_of(states: Float[Array, "turns dims"], scene: AbstractScene) -> Scalar
     a pin is off its bore, for what hits it swings in no bore and may be stationary, and for a scene
     that is not written by eccentricity. Infinite for one turn.
     """
-    if scene.is_ideal or not isinstance(scene.formulation, EccentricityFormulation):
-        return jnp.zeros(())
     pins = states[:, pins_of(scene)].reshape(len(states), -1, 2)
+    if pins.size == 0:
+        return jnp.zeros(())
     if len(pins) == 1:
         return jnp.asarray(jnp.inf)
 

@@ -215,7 +215,7 @@ def by_turns(
     times = 2 * jnp.pi * (jnp.arange(turns, dtype=float)[:, None] + shares[None])
     (states, values), outcome = integrate(flow, times, problem=problem, method=method)
     # Of an ideal joint a state has no numbers, and the turns alone say how many there are.
-    points = jax.vmap(lambda state, _: flat(state, scene))(states, jnp.arange(turns))
+    points = jax.vmap(lambda state, _: flat(state))(states, jnp.arange(turns))
     return points, values, outcome
 
 

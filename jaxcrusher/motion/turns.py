@@ -4,13 +4,14 @@ import logging
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array
+from jaxtyping import Array, Complex, Float
 
 from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.basics.integrate import Integration, Outcome, failure_text, integrate
@@ -25,8 +26,54 @@ from jaxcrusher.motion.statistics import statistics_problem
 CHUNK = 5
 # The share of the time that settling may take.
 SETTLING = 1 / 3
+# What the names of a vector's components end with.
+SIDES = ("_x", "_y")
 
 logger = logging.getLogger(__name__)
+
+
+class Curve(NamedTuple):
+    """A number along the pieces of a motion, at equal steps of the phase, and its ends in each.
+
+    Impacts last less than the step between two of its values; the ends of a run know them.
+    """
+
+    unit: str
+    values: Float[Any, "pieces samples"]
+    largest: Float[Any, " pieces"]
+    least: Float[Any, " pieces"]
+
+    @property
+    def moving(self) -> "Curve":
+        """Return what moves of it: all but its mean."""
+        mean = self.values.mean()
+        return Curve(self.unit, self.values - mean, self.largest - mean, self.least - mean)
+
+    @property
+    def peak(self) -> Float[Any, " pieces"]:
+        """Return the largest size in each piece."""
+        return np.maximum(self.largest, -self.least)
+
+    @property
+    def rms(self) -> Float[Array, " pieces"]:
+        """Return the root of each piece's mean square; of a zero it has no slope."""
+        square = jnp.mean(self.values**2, axis=1)
+        return jnp.where(square == 0, 0.0, jnp.sqrt(jnp.where(square == 0, 1.0, square)))
+
+    def amplitudes(self, highest: int) -> Complex[Array, "pieces orders"]:
+        """Return each piece's complex amplitudes A e^(i phi) of A cos(k theta + phi).
+
+        Order 0 is the mean; the others, up to the `highest`, are whole numbers to a piece.
+        """
+        # An FFT sums a exp(-i k theta): its angle is the phase of the cosine.
+        spectrum = jnp.fft.rfft(self.values, axis=1)[:, : highest + 1] / self.values.shape[1]
+        twice = np.where(np.arange(highest + 1) == 0, 1 + 0j, 2 + 0j)  # but for the mean
+        return spectrum * twice[None]
+
+
+def curve_of(unit: str, values: Float[Any, "pieces samples"]) -> Curve:
+    """Return a curve whose ends are among its values."""
+    return Curve(unit, values, values.max(axis=1), values.min(axis=1))
 
 
 @dataclass(frozen=True)
@@ -40,9 +87,19 @@ class Turns:
 
     scene: AbstractScene
     length: int
-    values: Mapping[str, np.ndarray]
+    values: Mapping[str, Any]
     settled: int = 0  # turns before the first piece
     failure: str = ""  # why a run stopped, or nothing
+
+    def curves(self) -> dict[str, Curve]:
+        """Return the curves of observables that were seen; of a vector those of its sides."""
+        found = {}
+        for name, values in self.values.items():
+            columns = values.reshape(*values.shape[:2], -1)
+            unit, sides = self.scene.observables[name].unit, ("",) if values.ndim == 2 else SIDES
+            for i, side in enumerate(sides):
+                found[name + side] = curve_of(unit, columns[..., i])
+        return found
 
     @property
     def pieces(self) -> int:

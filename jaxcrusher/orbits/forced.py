@@ -6,25 +6,31 @@ The unknowns x are those of each loose joint, in the order of their names; behin
 coordinates of a frame on supports, in the units of its state.
 """
 
+from collections.abc import Iterator
+from typing import Any
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Scalar
+from jaxtyping import Array, ArrayLike, Float, Scalar
 
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation, EccentricityState, JointState
 from jaxcrusher.mechanism.frame import FrameState, frame_units, initial_frame
 from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import resting
 from jaxcrusher.periodic.system import System
-from jaxcrusher.periodic.trigonometric import differentiation, nodes
+from jaxcrusher.periodic.trigonometric import differentiation, evaluate, nodes, resample
 
 # Refinements of the first guess: each adds what the last one's acceleration asks of the contact.
 REFINEMENTS = 2
+# Steps that lead from an instant of a grid to the least penetration beside it.
+POLISHED = 3
 
 
 def refusal(scene: AbstractScene) -> str:
@@ -35,6 +41,8 @@ def refusal(scene: AbstractScene) -> str:
         return "turn at a given speed, but its shaft is free: it repeats at a speed not given"
     if tracks(scene):
         return "have a constant impact velocity, but tracks it: in contact any value repeats itself"
+    if any(joint.initial_memory() is not None for joint in scene.joints.values):
+        return "have bearings without a memory, but one remembers what an orbit does not tell"
     return ""
 
 
@@ -49,54 +57,68 @@ def unknowns(scene: AbstractScene) -> int:
     return 2 * len(scene.joints) + (0 if scene.supports is None else 3)
 
 
-def pairs(x: Float[Array, " dims *nodes"], scene: AbstractScene) -> Named[Vector]:
-    """Give two of the numbers to each joint with clearance."""
-    return Named({n: Vector(x[2 * i], x[2 * i + 1]) for i, n in enumerate(scene.joints.names)})
+def can_be_shot(scene: AbstractScene, guess: Float[ArrayLike, " dims"]) -> bool:
+    """Whether a state of the scene is its unknowns and their rates, and a guess is one."""
+    return not refusal(scene) and np.shape(guess) == (2 * unknowns(scene),)
 
 
-def numbers(e: Named[Vector], frame: tuple[Array, ...] = ()) -> Float[Array, " dims *nodes"]:
-    """Invert `pairs`, with the coordinates of a frame behind them."""
-    return jnp.stack([*(part for one in e.values for part in (one.x, one.y)), *frame])
-
-
-def state(x: Array, rate: Array, scene: AbstractScene) -> EccentricityState:
-    """Make a state from e / c, a frame's coordinates, and their derivatives by the phase."""
-    speed = scene.drive.speed
-
-    def one(joint: AbstractBearing, at: Vector, change: Vector) -> JointState:
-        return JointState(at, speed * joint.clearance * change, None)
-
-    frame = None
-    if scene.supports is not None:
-        units, (right, up, turned) = frame_units(scene), speed * rate[-3:]
-        velocity = Vector(units.x * right, units.y * up)
-        spin = units.radius * units.angle * turned
-        frame = FrameState(Vector(x[-3], x[-2]), x[-1], velocity, spin)
-    joints = scene.joints.map(one, pairs(x, scene), pairs(rate, scene))
-    return EccentricityState(joints, None, frame)
+def _stacked(e: Named[Vector], frame: FrameState | None) -> Float[Array, " dims *nodes"]:
+    """Return the unknowns, from e / c of the joints and the state of a frame."""
+    moved = None if frame is None else (frame.displacement, frame.rotation)
+    return jnp.stack(jax.tree.leaves((e, moved)))
 
 
 def coordinates(state: EccentricityState) -> Float[Array, " dims"]:
     """Return the unknowns of a state."""
-    at, frame = state.joints.map(lambda one: one.relative_eccentricity), state.frame
-    if frame is None:
-        return numbers(at)
-    return numbers(at, (frame.displacement.x, frame.displacement.y, frame.rotation))
+    return _stacked(state.parts.eccentricities, state.frame)
+
+
+def coordinates_seen(s: Snapshot, scene: AbstractScene) -> Float[Array, " dims"]:
+    """Return the unknowns at an instant."""
+    e = scene.joints.map(lambda joint, at: at / joint.clearance, s.motion.eccentricities)
+    return _stacked(e, None if s.frame is None else frame_units(scene).state(s.frame))
+
+
+def pins(x: Float[Any, "*nodes dims"]) -> Float[Any, "*nodes joints 2"]:
+    """Return those of the unknowns that are e / c, by joint; a frame has three, behind them."""
+    dims = x.shape[-1]
+    return x[..., : dims - dims % 2 * 3].reshape(*x.shape[:-1], -1, 2)
+
+
+def _units(scene: AbstractScene) -> list[Scalar]:
+    """Return what a rate of each unknown of one a second is as a velocity of the state, m/s."""
+    units = [joint.clearance for joint in scene.joints.values for _ in range(2)]
+    if scene.supports is None:
+        return units
+    frame = frame_units(scene)
+    return [*units, frame.x, frame.y, frame.radius * frame.angle]
+
+
+def state(x: Array, rate: Array, scene: AbstractScene) -> EccentricityState:
+    """Make a state from the unknowns and their derivatives by the phase."""
+    speed, places = scene.drive.speed, iter(x)
+    velocities = (speed * unit * one for unit, one in zip(_units(scene), rate, strict=True))
+
+    def pair(numbers: Iterator[Array]) -> Vector:
+        return Vector(next(numbers), next(numbers))
+
+    joints = scene.joints.map(lambda _: JointState(pair(places), pair(velocities), None))
+    if scene.supports is None:
+        return EccentricityState(joints)
+    moved = pair(places), next(places), pair(velocities), next(velocities)
+    return EccentricityState(joints, None, FrameState(*moved))
 
 
 @jax.jit  # traced once for all that is asked of orbits
 def acceleration(
     phase: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: AbstractScene
 ) -> Float[Array, " dims"]:
-    """Return the second derivative of e / c, and of a frame's coordinates, by the phase."""
+    """Return the second derivative of the unknowns by the phase."""
     seen, square = snapshot(phase, x, rate, scene), scene.drive.speed**2
     change = scene.formulation.rate(seen, state(x, rate, scene), scene)
-    scaled = scene.joints.map(lambda joint, at: at.rate / (joint.clearance * square), change.joints)
-    if change.frame is None:
-        return numbers(scaled)
-    units, second = frame_units(scene), change.frame
-    moved = second.velocity.x / (units.x * square), second.velocity.y / (units.y * square)
-    return numbers(scaled, (*moved, second.spin / (units.radius * units.angle * square)))
+    frame = None if change.frame is None else (change.frame.velocity, change.frame.spin)
+    second = zip(jax.tree.leaves((change.parts.rates, frame)), _units(scene), strict=True)
+    return jnp.stack([one / (unit * square) for one, unit in second])
 
 
 def system(scene: AbstractScene, period: int) -> System:
@@ -109,13 +131,9 @@ def quasi_static(scene: AbstractScene, period: int, count: int) -> Float[Array, 
 
     A frame on supports stands under its weight and does not move yet.
     """
-    frame = initial_frame(scene)
-    still = ()
-    if frame is not None:
-        at = frame.displacement.x, frame.displacement.y, frame.rotation
-        still = tuple(jnp.broadcast_to(one, (count,)) for one in at)
+    still = jax.tree.map(lambda one: jnp.broadcast_to(one, (count,)), initial_frame(scene))
     if scene.is_ideal:
-        return numbers(Named(), still).T
+        return _stacked(Named(), still).T
     pace = scene.drive.speed / period
     first, second = (pace**k * matrix for k, matrix in enumerate(differentiation(count), start=1))
     times = 2 * jnp.pi * jnp.asarray(nodes(count)) / pace
@@ -127,10 +145,38 @@ def quasi_static(scene: AbstractScene, period: int, count: int) -> Float[Array, 
 
     e = jax.lax.fori_loop(0, 1 + REFINEMENTS, refined, e)
     relative = jax.vmap(lambda e: scene.joints.map(lambda joint, at: at / joint.clearance, e))(e)
-    return numbers(relative, still).T
+    return _stacked(relative, still).T
 
 
 @jax.jit  # as above
 def snapshot(phase: Scalar, x: Array, rate: Array, scene: AbstractScene) -> Snapshot:
     """Look at an instant of an orbit."""
     return scene.formulation.snapshot(phase / scene.drive.speed, state(x, rate, scene), scene)
+
+
+@eqx.filter_jit
+def least_penetrations(x: Float[Array, "nodes dims"]) -> Float[Array, " joints"]:
+    """Return the least penetration of each joint over the period, in clearances.
+
+    Between the instants of a grid Newton's method goes on, so that it is smooth in the nodes.
+    """
+    pairs = pins(x)
+    grid = resample(pairs, max(SAMPLES, 4 * len(x)))
+
+    def least(pin: Float[Array, "nodes 2"], grid: Float[Array, "instants 2"]) -> Scalar:
+        def step(place: Scalar) -> Scalar:
+            e, rate, bend = (evaluate(pin, place, order) for order in range(3))
+            curve = rate @ rate + e @ bend
+            # A pin at rest is nowhere nearer, and has slopes in reverse too.
+            bent = curve > 0
+            return jnp.where(bent, e @ rate, 0.0) / jnp.where(bent, 2 * np.pi * curve, 1.0)
+
+        start = jnp.argmin(jnp.sum(grid**2, axis=1)) / len(grid)
+        place = jax.lax.fori_loop(0, POLISHED, lambda _, place: place - step(place), start)
+        place = jax.lax.stop_gradient(place)
+        # The place has slopes, and so the penetration has second derivatives.
+        left = step(place)
+        place = place - (left - jax.lax.stop_gradient(left))
+        return jnp.linalg.norm(evaluate(pin, place)) - 1
+
+    return jax.vmap(least, in_axes=1)(pairs, grid)

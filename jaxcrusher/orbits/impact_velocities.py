@@ -45,7 +45,7 @@ def settled_velocities(scene: AbstractScene, spent: Spent) -> dict[str, Array] |
             at = unflattened(state, scene)
             assert at is not None
             return {
-                name: joint.normal.impact_velocity.value(at.joints[name].impact_velocity)
+                name: joint.normal.impact_velocity.value(at.parts.memories[name])
                 for name, joint in scene.joints.items()
             }
     return None

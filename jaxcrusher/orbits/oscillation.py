@@ -34,8 +34,8 @@ def oscillation_about(
 ) -> Oscillation:
     """Return the oscillation of whole multiples of `period` turns about an orbit of that period.
 
-    The numbers `pins` of a state are looked at (see `jaxcrusher.motion.flow.pins_of`), and no frame
-    that stands on springs.
+    The numbers `pins` of a state are looked at (see `jaxcrusher.mechanism.state.pins_of`), and no
+    frame that stands on springs.
     """
     parts = states.reshape(-1, period, states.shape[1])
     centre = parts.mean(axis=0)
@@ -45,8 +45,8 @@ def oscillation_about(
 
 def section_of(orbit: PeriodicOrbit) -> Float[np.ndarray, "period half"]:
     """Return the positions of the pins at the beginning of each turn, in clearances."""
-    turns = [orbit.state(2 * np.pi * turn).joints.values for turn in range(orbit.period)]
-    places = [[joint.relative_eccentricity.array() for joint in joints] for joints in turns]
+    turns = [orbit.state(2 * np.pi * turn) for turn in range(orbit.period)]
+    places = [[at.array() for at in state.parts.eccentricities.values] for state in turns]
     return np.reshape(places, (orbit.period, -1))
 
 

@@ -89,16 +89,19 @@ def periodic_orbit(
     if nodes is not None:
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
+    is_known = all(primal(leaf) is not None for leaf in jax.tree.leaves(scene))
+    # A tracked velocity is held where values are known, at whatever it comes to.
+    somehow_held = held(scene, dict.fromkeys(scene.joints.names, jnp.ones(())))
+    if refused := forced.refusal(somehow_held if is_known else scene):
+        raise ValueError(f"Argument `scene` must {refused}.")
     # Shooting that is asked for is not bounded, and nodes that are given wait for nothing.
     velocities, spent = None, Spent(effort if method is None else "thorough")
-    if forced.tracks(scene) and all(primal(leaf) is not None for leaf in jax.tree.leaves(scene)):
+    if forced.tracks(scene):
         velocities = settled_velocities(jax.lax.stop_gradient(scene.steady()), spent)
         if velocities is None:
             none = missing(scene, turns, RESULTS.impacts)
             return finished(dataclasses.replace(none, tried=str(spent)), scene)
         scene = held(scene, velocities)
-    if refused := forced.refusal(scene):
-        raise ValueError(f"Argument `scene` must {refused}.")
     if method is not None:
         require_choice("method", method, ("shooting",))
         require(nodes is None, "nodes", 'be None with method="shooting"', nodes)

@@ -26,6 +26,7 @@ from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
 from jaxcrusher.motion.statistics import limits_of
+from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits import forced
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.multipliers import largest, undecided
@@ -305,6 +306,13 @@ def seen_along(
         return {name: one(snapshot, scene) for name, one in entries}
 
     return jax.vmap(look)(phases)
+
+
+def turns_of(orbit: PeriodicOrbit, entries: Mapping[str, Observable]) -> Turns:
+    """Return observables at `SAMPLES` instants a turn of an orbit: a piece that repeats."""
+    phases = 2 * np.pi / SAMPLES * jnp.arange(SAMPLES * orbit.period, dtype=float)
+    seen = seen_along(orbit, phases, tuple(entries.items()))
+    return Turns(orbit.scene, orbit.period, {name: one[None] for name, one in seen.items()})
 
 
 def finished(

@@ -11,7 +11,7 @@ from jaxcrusher.mechanism.reductions import Chosen
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.tangents import SLICES, Build, slices_apart
 from jaxcrusher.orbits import forced, shot
-from jaxcrusher.orbits.penetrations import least_penetrations
+from jaxcrusher.orbits.forced import least_penetrations
 from jaxcrusher.orbits.result import WAYS, PeriodicOrbit
 from jaxcrusher.orbits.solving import described, of_nodes
 from jaxcrusher.periodic import newton

@@ -37,7 +37,7 @@ def passed(
         # A failure leaves NaN, with which all that follows fails at once.
         flow = Flow(scene, unflattened(state, scene), phase)
         end, seen, _ = advance(flow, span, method, outputs)
-        return flat(end, scene), seen
+        return flat(end), seen
 
     return jax.lax.scan(slice_of, state, span * jnp.arange(SLICES, dtype=float))
 

@@ -6,18 +6,15 @@ They may lose contact and impact. An eager call and a traced one run the same pr
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, ArrayLike, Complex, Float, Int, PyTree, Scalar
 
 from jaxcrusher.basics.checks import without_slopes
 from jaxcrusher.basics.loops import design_by_design
-from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
-from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.mechanism.reductions import Chosen, of_slices, samples_of
 from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.tangents import same, sloped_turn
-from jaxcrusher.orbits.forced import unknowns
-from jaxcrusher.orbits.penetrations import least_penetrations
+from jaxcrusher.orbits.forced import can_be_shot, coordinates_seen, least_penetrations
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 from jaxcrusher.orbits.section_map import along, chained
 from jaxcrusher.periodic import newton
@@ -34,6 +31,8 @@ ORBIT_RTOL = 1e-11
 ROUNDS = ((1e-8, 1e-4, STEPS), (ORBIT_RTOL, CLOSURE, STEPS))
 MATRICES = ((COARSER * ORBIT_RTOL, 0.0, 0), (ORBIT_RTOL, 0.0, 0))
 SKIPPED = ((ORBIT_RTOL, 0.0, -1),) * len(ROUNDS)
+# The unknowns of an orbit at 1024 instants a turn, as statistics look at them.
+_PATH = samples_of({"path": Observable(coordinates_seen, "1", "unknowns of the orbit")})
 
 
 class Closed(eqx.Module):
@@ -44,12 +43,6 @@ class Closed(eqx.Module):
     error: Scalar  # of the matrix, estimated, as `matrix_error` measures it
     steps: Int[Array, ""]
     result: newton.RESULTS
-
-
-def can_be_shot(scene: AbstractScene, guess: Float[ArrayLike, " dims"]) -> bool:
-    """Whether a state is eccentricities and rates: a memory that nothing renews always repeats."""
-    by_eccentricity = isinstance(scene.formulation, EccentricityFormulation)
-    return by_eccentricity and np.shape(guess) == (2 * unknowns(scene),)
 
 
 def closed(scene: AbstractScene, guess: Float[Array, " dims"], period: int) -> Closed:
@@ -109,7 +102,7 @@ def integrated_multipliers(
 def described(scene: AbstractScene, found: Closed, period: int) -> PeriodicOrbit:
     """Return the orbit through a section point, with slopes by the numbers of `scene`."""
     outputs = scene.entries()
-    seen_too = outputs + _samples(scene)
+    seen_too = outputs + _PATH
     # Of the same outputs, by the same program.
     _, rough = along(without_slopes(scene), found.state, period, COARSER * ORBIT_RTOL, seen_too)
     section, seen = along(scene, found.state, period, ORBIT_RTOL, seen_too)
@@ -126,7 +119,7 @@ def _described(
     seen: dict[str, PyTree[Array]],
     rough: PyTree[Float[Array, "slices ..."]],
 ) -> PeriodicOrbit:
-    table, path = dict(outputs), _relative(scene, seen)
+    table, path = dict(outputs), _path(seen)
     values = {name: of_slices(table[name].reduction, seen[name], period) for name in table}
     apart = of_slices(table[scene.leading].reduction, rough, period) / values[scene.leading] - 1
     good = found.result == newton.RESULTS.successful
@@ -162,35 +155,12 @@ def shoot(scene: AbstractScene, guess: Float[ArrayLike, " dims"], period: int) -
 def least_penetrations_from(
     scene: AbstractScene, state: Float[ArrayLike, " dims"], period: int
 ) -> Float[Array, " joints"]:
-    """Return those of `jaxcrusher.orbits.penetrations.least_penetrations` from a section point."""
-    _, seen = along(scene, jnp.asarray(state), period, ORBIT_RTOL, _samples(scene))
-    return least_penetrations(_relative(scene, seen))
+    """Return those of `jaxcrusher.orbits.forced.least_penetrations` from a section point."""
+    _, seen = along(scene, jnp.asarray(state), period, ORBIT_RTOL, _PATH)
+    return least_penetrations(_path(seen))
 
 
-def _samples(scene: AbstractScene) -> Chosen:
-    """Return what tells the unknowns of an orbit at 1024 instants a turn, as statistics do."""
-    names = [scene.prefix(joint) + "eccentricity" for joint in scene.joints.names]
-    if scene.supports is not None:
-        names += ["frame_displacement", "frame_rotation"]
-    return samples_of({f"path of {name}": scene.observables[name] for name in names})
-
-
-def _relative(scene: AbstractScene, seen: dict[str, PyTree[Array]]) -> Float[Array, "nodes dims"]:
+def _path(seen: dict[str, PyTree[Array]]) -> Float[Array, "nodes dims"]:
     """Return all unknowns at equal steps of phase, from zero on."""
-
-    def whole(samples: Array) -> Array:
-        # Slices look at their ends, and not at their beginnings.
-        return jnp.roll(jnp.concatenate(list(samples)), 1, axis=0)
-
-    paths = {name: whole(one) for name, one in seen.items() if name.startswith("path")}
-    relative = [
-        paths[f"path of {scene.prefix(name)}eccentricity"] / joint.clearance
-        for name, joint in scene.joints.items()
-    ]
-    if scene.supports is not None:
-        units = frame_units(scene)
-        shift = jnp.stack([jnp.zeros(()), units.sag])[None]
-        moved = paths["path of frame_displacement"] + shift
-        relative += [moved / jnp.stack([units.x, units.y])[None]]
-        relative += [paths["path of frame_rotation"][:, None] / units.angle]
-    return jnp.concatenate(relative, axis=1)
+    # Slices look at their ends, and not at their beginnings.
+    return jnp.roll(jnp.concatenate(list(seen[_PATH[0][0]])), 1, axis=0)

@@ -45,7 +45,7 @@ def orbit_beside(scene: AbstractScene) -> PeriodicOrbit | None:
     orbit = periodic_orbit(scene, effort="thorough")
     if orbit.eccentricity is None or not bool(orbit.stable & (orbit.least_penetration > GRAZING)):
         return None
-    apart = jnp.max(jnp.abs(initial_state(scene) - flat(orbit.state(), scene)))
+    apart = jnp.max(jnp.abs(initial_state(scene) - flat(orbit.state())))
     return orbit if apart <= NEAR else None
 
 

@@ -125,7 +125,7 @@ def of_nodes(
         )
         errors = errors._replace(rms=rms)
     missed, change = jnp.split(found.closure, 2)
-    closure = jnp.max(jnp.abs(flat(forced.state(missed, change, scene), scene)))
+    closure = jnp.max(jnp.abs(flat(forced.state(missed, change, scene))))
     return Nodes(x, result, jnp.asarray(steps), found, errors, closure, way)
 
 
@@ -266,7 +266,7 @@ def described(
         scene,
         period,
         x,
-        flat(forced.state(place, rate, scene), scene),
+        flat(forced.state(place, rate, scene)),
         values,
         result=RESULTS.where(unresolved, why, result),
         error=error,

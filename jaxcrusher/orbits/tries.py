@@ -25,15 +25,14 @@ from jaxtyping import Array, Scalar
 
 from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.motion.flow import pins_of
+from jaxcrusher.mechanism.state import pins_of
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.effort import Spent
-from jaxcrusher.orbits.forced import unknowns
+from jaxcrusher.orbits.forced import can_be_shot, unknowns
 from jaxcrusher.orbits.oscillation import NEAR, oscillation_about
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import (
     ORBIT_RTOL,
-    can_be_shot,
     closed,
     described,
     integrated_multipliers,

@@ -5,11 +5,11 @@ from collections.abc import Iterable, Mapping
 
 from jaxcrusher.crusher.capacity import CAUTION
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
-from jaxcrusher.orbits.load_sheet import MOVING, Row, joint_states
-from jaxcrusher.orbits.severity import SOURCE
 from jaxcrusher.scenes.parameters import NUMBERS, in_words, readable
 from jaxcrusher.scenes.plausibility import borrowed
 from jaxcrusher.scenes.units import said, unit_of
+from jaxcrusher.sheets.load_sheet import MOVING, Row, joint_states
+from jaxcrusher.sheets.severity import SOURCE
 from optimize import formatting
 from optimize.answer import Answer, Confirmed, Runs
 from optimize.decay import GONE, rate, resolved

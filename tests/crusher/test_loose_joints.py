@@ -1,5 +1,7 @@
 """Clearance in A, B, C and O: power, momentum, and the agreement of the formulations."""
 
+from functools import partial
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,8 +16,8 @@ from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.mechanism.equations import solve
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import wrenches_of
 from jaxcrusher.mechanism.starts import Given, shifted_start
+from jaxcrusher.mechanism.state import snapshot_of
 from tests.crusher.kinds import at_start, check_laws, placed
 from tests.crusher.operations import field_operations
 from tests.pairs import crossed, slow
@@ -172,10 +174,10 @@ def test_formulations_agree_at_an_instant(kind):
             np.testing.assert_allclose(again[name], seen[name], rtol=0, atol=close, err_msg=name)
 
 
-def holding(scene, motion, applied, curvatures):
+def holding(scene, motion, curvatures):
     """The forces that hold joints while their eccentricities change so."""
-    wrenches, gravity, _ = wrenches_of(scene, applied, None)
-    return solve(motion, wrenches, Named(), None, gravity, curvatures=curvatures).forces
+    held = partial(solve, curvatures=curvatures)
+    return snapshot_of(scene, motion, Named(), None, None, held).accelerations.forces
 
 
 @pytest.mark.parametrize("letters", ["A", *LOOSE])
@@ -185,7 +187,7 @@ def test_forces_that_hold_a_motion_are_those_that_made_it(letters):
     smooth = {name.replace("slip", "friction"): 0.0 for name in values if "slip" in name}
     scene = placed(jc.build_scene({**values, **smooth}), *STATES[1], STATES[1][1])
     s = at_start(scene)
-    held = holding(scene, s.motion, s.applied, s.accelerations.eccentricities)
+    held = holding(scene, s.motion, s.accelerations.eccentricities)
     for name in scene.linkage.joints.names:
         # Sums of forces of 1e5 N.
         found, expected = held[name], s.accelerations.forces[name]
@@ -198,7 +200,7 @@ def test_pins_that_rest_carry_their_forces():
         described("ABC", slip="centre", load_law="normal_to_jaw", start="contact")
     )
     s = at_start(scene)
-    held = holding(scene, s.motion, s.applied, scene.joints.map(lambda _: Vector(0.0, 0.0)))
+    held = holding(scene, s.motion, scene.joints.map(lambda _: Vector(0.0, 0.0)))
     for name, contact in s.contacts.items():
         assert float(contact.penetration) > 0
         apart = contact.force - held[name]

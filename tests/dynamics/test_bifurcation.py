@@ -75,9 +75,9 @@ def test_a_whirl_is_no_point():
         known = tuple(STATISTIC.items())
         return Section(jnp.zeros((20, 4)), jnp.zeros((0, 4, 4)), outcome, values, known)
 
-    row = _row(found(-100), "foundation_rms", 1e-9)
+    row = _row(found(-100), "foundation_rms", [0, 1, 2, 3], 1e-9)
     assert row["whirl"] and np.isnan(row["e_x"]).all() and np.isnan(row["foundation_rms"]).all()
-    assert not _row(found(1), "foundation_rms", 1e-9)["whirl"]
+    assert not _row(found(1), "foundation_rms", [0, 1, 2, 3], 1e-9)["whirl"]
 
 
 def test_bad_arguments():

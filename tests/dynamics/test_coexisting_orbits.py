@@ -9,7 +9,8 @@ import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.dynamics import coexisting_orbits as module
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.motion.flow import initial_state, pins_of
+from jaxcrusher.mechanism.state import pins_of
+from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.orbits.shot import shoot
 
 
@@ -123,7 +124,8 @@ class Orbit:
     def state(self, angle):
         """Of one joint, at the beginning of a turn."""
         at = Vector(*self.section[round(angle / 2 / np.pi)])
-        return SimpleNamespace(joints=Named({"main": SimpleNamespace(relative_eccentricity=at)}))
+        parts = SimpleNamespace(eccentricities=Named({"main": at}))
+        return SimpleNamespace(parts=parts)
 
 
 @pytest.mark.usefixtures("unchecked")  # what stands for scene and orbits is none

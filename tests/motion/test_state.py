@@ -1,15 +1,20 @@
 """A motion goes on from the state of another as if it had not stopped."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.flatten_util import ravel_pytree
 
 import jaxcrusher as jc
+from jaxcrusher.joint.clearance import ClearanceJoint
 from jaxcrusher.mechanism.drives import GivenTorque
+from jaxcrusher.mechanism.state import pins_of, places_of
 from jaxcrusher.motion.flow import initial_state
+from tests.crusher.kinds import placed
 
 RMS = "foundation_rms"
 OUTPUTS = (RMS, "winding")
@@ -59,6 +64,72 @@ def test_a_motion_goes_on(scene, dims, rtol):
     if dims == 6:
         # No turn of a shaft that gathers speed is like the first.
         assert float(one.foundation_rms) > 2 * float(whole.by_turn[RMS][0])
+
+
+class Wearing(ClearanceJoint):
+    """It remembers what its damping and its friction took, J, beside a tracked impact velocity."""
+
+    def initial_memory(self):
+        """Return nothing taken, and the velocity."""
+        none = jnp.zeros_like(self.clearance)
+        return {"damping": none, "friction": none, "velocity": super().initial_memory()}
+
+    def contact(self, eccentricity, rate, bearing_spin, journal_spin, memory):
+        """Return the contact by the velocity."""
+        spins = bearing_spin, journal_spin
+        return super().contact(eccentricity, rate, *spins, memory["velocity"])
+
+    def memory_rate(self, contact, memory):
+        """Return the powers that are taken, and the rate of the velocity."""
+        velocity = super().memory_rate(contact, memory["velocity"])
+        taken = {"damping": contact.normal_loss, "friction": contact.friction_loss}
+        return taken | {"velocity": velocity}
+
+
+def wearing(**values):
+    """Return a scene with such a bearing in A, and with the same one that remembers less."""
+    plain = jc.build_scene({"impact_law": "tracked", **values})
+    joint = plain.joints.at("main")
+    parts = (getattr(joint, one.name) for one in fields(joint))
+    return eqx.tree_at(lambda s: s.joints.at("main"), plain, Wearing(*parts)), plain
+
+
+def test_a_bearing_owns_its_memory():
+    """It is integrated with the motion, changes nothing of it, and all find it in its place."""
+    scene, plain = wearing(slip="surface")
+    found, other = (jc.statistics(one, 0, 1, outputs=(RMS,), rtol=1e-11) for one in (scene, plain))
+    places, pins = places_of(scene), pins_of(scene)
+    assert found.state.shape == (7,) and pins.tolist() == [0, 1]
+    memory = {n: float(found.state[at]) for n, at in places.memories.at("main").items()}
+    # The ledger of a motion without that memory integrates the same powers. The memory weighs in
+    # the error of a step: steps differ, and some dozen impacts make 1e4 times as much of 1e-11.
+    times = np.array([0.0, 2 * np.pi / float(scene.drive.speed)])
+    ledger = jc.simulate(plain, times, outputs=("energy",), rtol=1e-11).energy
+    assert memory["damping"] == pytest.approx(float(ledger.contact_loss[-1]), rel=1e-6)
+    assert memory["friction"] == pytest.approx(float(ledger.friction_loss[-1]), rel=1e-6)
+    np.testing.assert_allclose(found.foundation_rms, other.foundation_rms, rtol=1e-6)
+    np.testing.assert_allclose(found.state[pins], other.state[pins_of(plain)], rtol=0, atol=1e-6)
+    assert memory["velocity"] == pytest.approx(float(other.state[4]), rel=1e-6)
+    assert min(memory.values()) > 1e-3
+
+
+def test_a_memory_stands_behind_its_own_joint_s_rates_in_both_formulations():
+    found = []
+    for formulation, pins in (("eccentricity", [0, 1, 7, 8]), ("multiplier", [])):
+        values = {"slip": "surface", "elbow.clearance": 1e-4, "formulation": formulation}
+        scene = placed(wearing(**values)[0], ((-0.9, -0.6), (0.5, 0.9)))
+        places, state = places_of(scene), scene.formulation.initial(scene)
+        assert pins_of(scene).tolist() == pins and places.memories.names == ("main",)
+        snapshot = scene.formulation.snapshot(jnp.zeros(()), state, scene)
+        rate, _ = ravel_pytree(scene.formulation.rate(snapshot, state, scene))
+        memory, touch = places.memories.at("main"), snapshot.contacts.at("main")
+        found.append([float(rate[memory[name]]) for name in ("damping", "friction")])
+        assert found[-1] == [float(touch.normal_loss), float(touch.friction_loss)]
+    # The multiplier form knows a penetration of some 1e-6 m to 1e-15 m.
+    np.testing.assert_allclose(*found, rtol=1e-8)
+    assert min(map(abs, found[0])) > 1.0
+    with pytest.raises(ValueError, match="must have bearings without a memory, but one remembers"):
+        jc.periodic_orbit(wearing(impact_law="constant")[0])
 
 
 def test_histories_go_on():

@@ -3,8 +3,11 @@
 import math
 import tomllib
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -28,6 +31,7 @@ from jaxcrusher.motion.section import advance
 from jaxcrusher.motion.settling import error, standard_error
 from jaxcrusher.motion.statistics import Statistics, limits_of, of_whirl
 from jaxcrusher.motion.tangents import SLICES, combine, tangents
+from jaxcrusher.motion.turns import Turns, curve_of
 from jaxcrusher.periodic.trigonometric import resample
 from tests.pairs import slow
 
@@ -362,3 +366,24 @@ def test_a_limit_that_was_not_asked_for_is_not_kept(values, missing):
     assert set(some.missing) == missing and not bool(some.inside)
     assert some.remarks() == [f"not known without {name}" for name in some.missing]
     assert some.verdict().startswith("NOT KNOWN to be inside the contact model: ")
+
+
+@pytest.mark.usefixtures("unchecked")  # what stands for a scene is none
+def test_curves_of_turns_know_harmonics_rms_and_peaks():
+    """Of two pieces of two turns: A cos(1.5 theta + 0.4) about 3, A of 5 and of 7."""
+    angles, sizes = 2 * np.pi * np.arange(2048) / 1024, np.array([[5.0], [7.0]])
+    swing = sizes * np.cos(1.5 * angles + 0.4)
+    scene = SimpleNamespace(observables={n: SimpleNamespace(unit="N") for n in ("size", "force")})
+    seen = {"size": 3 + swing, "force": np.stack([swing - 2, 0 * swing], axis=-1)}
+    curves = Turns(scene, 2, seen).curves()
+    assert [*curves] == ["size", "force_x", "force_y"] and curves["size"].unit == "N"
+    # Rounding of sums of 2048 numbers.
+    close = partial(np.testing.assert_allclose, rtol=1e-13, atol=1e-13)
+    expected = np.zeros((2, 9), complex)
+    expected[:, 0], expected[:, 3] = 3, sizes[:, 0] * np.exp(0.4j)
+    close(curves["size"].amplitudes(8), expected)
+    close(curves["size"].moving.rms, sizes[:, 0] / np.sqrt(2))
+    close(curves["size"].rms, np.sqrt(9 + sizes[:, 0] ** 2 / 2))
+    close(curves["force_x"].peak, np.abs(swing - 2).max(axis=1))
+    slope = jax.grad(lambda x: curve_of("N", x * jnp.ones((1, 4))).moving.rms[0])
+    assert float(slope(2.0)) == 0 and not np.any(curves["force_y"].rms)

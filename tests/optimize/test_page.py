@@ -20,7 +20,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.mechanism.starts import shifted_start
-from jaxcrusher.orbits.load_sheet import Row
+from jaxcrusher.sheets.load_sheet import Row
 from optimize import figures, formatting, stages
 from optimize.answer import (
     Active,

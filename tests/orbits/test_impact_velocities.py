@@ -4,6 +4,7 @@ import jax
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.orbits import periodic_orbit
 from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.impact_velocities import settled_velocities
 
@@ -44,3 +45,10 @@ def test_values_must_be_known():
     scene = jc.paper_scene(30.0, 0.06e-3, impact_law="tracked")
     with pytest.raises(ValueError, match=r"^Argument `scene` must have a constant impact velocity"):
         jax.jit(jc.periodic_orbit)(scene)
+
+
+def test_a_scene_by_multipliers_is_refused_before_anything_is_waited_for(monkeypatch):
+    monkeypatch.setattr(periodic_orbit, "settled_velocities", None)
+    scene = jc.paper_scene(30.0, 0.06e-3, impact_law="tracked", formulation="multiplier")
+    with pytest.raises(ValueError, match="`scene` must be written by eccentricity, but is written"):
+        jc.periodic_orbit(scene)

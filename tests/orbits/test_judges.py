@@ -49,7 +49,7 @@ def judged(orbit, field):
 def test_the_orbit_by_boundary_values(orbit, field, judged):
     """SciPy's solve_bvp on the equations by hand, from another guess: motion and RMS."""
     # Its residuals are 1e-8 of the rates; the orbit is known to 1e-10.
-    state = np.asarray(flat(orbit.state(), orbit.scene))
+    state = np.asarray(flat(orbit.state()))
     np.testing.assert_allclose(judged.sol(0.0), state, atol=1e-6)
     angles = TURN * np.arange(2048) / 2048
     squares = [TURN * field(a, y)[4] for a, y in zip(angles, judged.sol(angles).T, strict=True)]

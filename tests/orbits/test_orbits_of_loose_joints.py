@@ -33,7 +33,7 @@ def test_the_orbit_is_a_motion(orbit):
     assert orbit.eccentricity.shape == (NODES, 6) and orbit.multipliers.shape == (12,)
     assert 0.02 < float(orbit.least_penetration) < 0.05
     assert bool(orbit.validity.inside) and set(orbit.validity.others) == {"elbow", "pivot"}
-    turn = jc.statistics(orbit.scene, 0, 1, state=flat(orbit.state(), orbit.scene), rtol=1e-11)
+    turn = jc.statistics(orbit.scene, 0, 1, state=flat(orbit.state()), rtol=1e-11)
     # The swing of multiplier 0.9992 keeps what rounding leaves of a start, 1e-10 clearances.
     assert float(turn.foundation_rms) == pytest.approx(float(orbit.foundation_rms), rel=1e-9)
     for name in ("penetration_ratio", "elbow_penetration_ratio", "pivot_penetration_ratio"):
@@ -44,7 +44,7 @@ def test_the_orbit_is_a_motion(orbit):
 @pytest.mark.slow
 def test_multipliers_against_the_section(orbit):
     """Moduli of the map's Jacobian, which is integrated."""
-    start = flat(orbit.state(), orbit.scene)
+    start = flat(orbit.state())
     section = jc.poincare_section(orbit.scene, 0, 1, slices=1, state=start, rtol=1e-11)
     moduli = np.sort(np.abs(np.linalg.eigvals(np.asarray(section.jacobians[0]))))
     # The two that die at once, to 2e-6, are what is left of entries of order one.

@@ -86,7 +86,7 @@ def test_a_slope_beside_an_orbit_compiles_no_second_search(caplog):
 
 def test_multipliers_against_the_section(orbit):
     """The Jacobian of the once-per-turn map, by tangents under the integrator's error control."""
-    state = flat(orbit.state(), orbit.scene)
+    state = flat(orbit.state())
     section = poincare_section(orbit.scene, 0, 1, slices=8, state=state, rtol=1e-11)
     assert section.jacobians is not None
     product = np.linalg.multi_dot([np.asarray(m) for m in section.jacobians[::-1]])
@@ -145,7 +145,7 @@ def test_statistics_of_the_motion(orbit):
     """Those of `statistics` over the turn from the orbit's own state, and of 30 000 turns."""
     np.testing.assert_allclose(orbit.foundation_rms, 19102.316, atol=1e-3)
     np.testing.assert_allclose(orbit.settling_turns, 14300, rtol=0.01)
-    state = flat(orbit.state(), orbit.scene)
+    state = flat(orbit.state())
     names = orbit.scene.statistics
     section = poincare_section(orbit.scene, 0, 1, state=state, outputs=names, rtol=1e-11)
     for name in names:

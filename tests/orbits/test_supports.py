@@ -212,7 +212,7 @@ def test_an_orbit_that_is_shot_for_is_the_same():
 def test_a_state_of_the_orbit_and_harmonics_of_supports(joint, size):
     orbit = orbit_of(joint=joint)
     assert orbit.eccentricity.shape[1] == size
-    np.testing.assert_allclose(flat(orbit.state(), orbit.scene), orbit.section, rtol=1e-12)
+    np.testing.assert_allclose(flat(orbit.state()), orbit.section, rtol=1e-12)
     seen = {name: np.asarray(value) for name, value in orbit.motion(ANGLES).items()}
     np.testing.assert_allclose(
         seen["left_force"] + seen["right_force"], seen["transmitted_force"], rtol=1e-12

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
 
-from jaxcrusher.orbits.penetrations import least_penetrations
+from jaxcrusher.orbits.forced import least_penetrations
 from jaxcrusher.periodic import collocation_problem
 from jaxcrusher.periodic.branch import HAPPENED, LOOP, WIGGLES, follow
 from jaxcrusher.periodic.collocation import collocate

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
 
-from jaxcrusher.orbits.penetrations import least_penetrations
+from jaxcrusher.orbits.forced import least_penetrations
 from jaxcrusher.periodic.branch import HAPPENED, OUTSIDE, follow
 from jaxcrusher.periodic.collocation import collocate
 from jaxcrusher.periodic.collocation_problem import CollocationProblem

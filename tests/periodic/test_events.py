@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import mathieu_a, mathieu_b
 
-from jaxcrusher.orbits.penetrations import least_penetrations
+from jaxcrusher.orbits.forced import least_penetrations
 from jaxcrusher.periodic.branch import OUTSIDE, follow
 from jaxcrusher.periodic.branch_point import branch_point
 from jaxcrusher.periodic.collocation import collocate

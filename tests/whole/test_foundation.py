@@ -13,7 +13,7 @@ from jaxcrusher.commands import foundation
 from jaxcrusher.commands.crushers import read_machine
 from jaxcrusher.commands.options import Crusher, Foundation, Results
 from jaxcrusher.motion.turns import Turns
-from jaxcrusher.orbits.load_sheet import Row, Site, sheet
+from jaxcrusher.sheets.load_sheet import Row, Site, sheet
 from tests.identification import by_hand
 
 BLOCK = (("foundation.mass", "6 t"), ("foundation.x", "0.3 m"), ("joint", "ideal"))

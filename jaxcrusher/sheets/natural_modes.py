@@ -1,4 +1,4 @@
-"""Natural frequencies and damping of a machine that stands on its supports."""
+"""A machine on its supports: natural frequencies and damping, and how it is run up and down."""
 
 import jax
 import jax.numpy as jnp
@@ -7,7 +7,7 @@ import scipy.linalg
 import xarray as xr
 from jaxtyping import Array, Complex, Float, Scalar
 
-from jaxcrusher.basics.checks import require, require_untraced
+from jaxcrusher.basics.checks import require, require_positive, require_untraced
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.files.table import Column, dataset
@@ -31,6 +31,9 @@ STEPS, STANDING = 50, 1e-12
 # Rounding of the eigenvalues, over the largest of the matrix, which is normal without damping, and
 # that of a double eigenvalue, its root.
 UNDAMPED, CRITICAL = 1e-13, 1e-6
+# Instants of a run-up in a turn at the running speed, and at least so many in each of the highest
+# order.
+INSTANTS, OF_AN_ORDER = 128, 32
 
 
 def natural_modes(scene: AbstractScene) -> xr.Dataset:
@@ -186,3 +189,72 @@ def _linearised(scene: AbstractScene) -> tuple[Array, Array, Array, Scalar]:
     left = jnp.max(jnp.abs(step)) / (jnp.max(jnp.abs(q)) + 1e-9)
     rest = jnp.zeros(3)
     return jax.hessian(kinetic)(rest, q), jax.hessian(dissipated)(rest, q), bend(q), left
+
+
+def run_up(
+    scene: AbstractScene,
+    force: Complex[np.ndarray, "3 orders"],
+    seconds: float,
+    *,
+    down: bool = False,
+) -> Float[np.ndarray, "times 3"]:
+    """Return the displacements x, y (m) and the rotation (rad) of G while the speed changes.
+
+    The speed grows evenly from zero to the running speed in the given time, or falls evenly
+    (`down`). The block is linear about its standing place, and the machine on it is a force.
+
+    **Arguments:**
+
+    - `scene`: with a frame on supports.
+    - `force`: complex amplitudes of Fx, Fy (N) and of the moment about G (N m) on a frame that
+      stands still, at the running speed, of the orders 1, 2 and so on: the force is the real part
+      of the sum of `force[:, k - 1] exp(i k theta)`. Forces of inertia fall with the square of
+      the speed, and the moment of the weights that move does not.
+    - `seconds`: the time of the run, s.
+
+    Raises ValueError for a time that is not positive, and as `natural_modes` does.
+    """
+    import scipy.signal  # takes a second, and the module is imported with every load sheet
+
+    require_positive("seconds", seconds, "s")
+    mass, damping, stiffness = linearised(scene)
+    speed = float(scene.drive.speed)
+    steps = max(INSTANTS, OF_AN_ORDER * force.shape[1])
+    count = int(np.ceil(seconds * speed / (2 * np.pi) * steps)) + 1
+    times = np.linspace(0.0, seconds, count)
+    share = 1 - times / seconds if down else times / seconds
+    # The angle is counted from standstill, so that a run down is a run up in reverse.
+    angle = share**2 * speed * seconds / 2 * (-1 if down else 1)
+    orders = np.arange(1, force.shape[1] + 1)
+    turning = np.exp(1j * orders[:, None] * angle)
+    weights = np.zeros_like(force)
+    weights[2] = moment_of_weights(scene, force[0])
+    # At each instant as at a constant speed.
+    applied = np.real(share**2 * ((force - weights) @ turning) + weights @ turning)
+    flexible = np.linalg.inv(mass)
+    system = np.block([[np.zeros((3, 3)), np.eye(3)], [-flexible @ stiffness, -flexible @ damping]])
+    pushed = np.vstack([np.zeros((3, 3)), flexible])
+    # It begins at rest under the weights, or in the steady state of the running speed.
+    start = np.concatenate([np.linalg.solve(stiffness, applied[:, 0]), np.zeros(3)])
+    if down:
+        start = np.zeros(6)
+        for order, amplitude in zip(orders, force.T, strict=True):
+            rate = order * speed
+            dynamic = stiffness - rate**2 * mass + 1j * rate * damping
+            moved = np.linalg.solve(dynamic, amplitude * np.exp(1j * order * angle[0]))
+            start += np.concatenate([np.real(moved), np.real(1j * rate * moved)])
+    shown = np.eye(3, 6), np.zeros((3, 3))
+    _, seen, _ = scipy.signal.lsim((system, pushed, *shown), applied.T, times, X0=start)
+    return seen
+
+
+def moment_of_weights(
+    scene: AbstractScene, sideways: Complex[np.ndarray, " orders"]
+) -> Complex[np.ndarray, " orders"]:
+    """Return the moment (N m) of the bodies' weights on a frame that stands still.
+
+    `sideways` are the amplitudes of the force Fx on it, of the orders 1, 2 and so on: the inertia
+    of bodies that swing sideways, whose weights swing with them.
+    """
+    rates = float(scene.drive.speed) * np.arange(1, len(sideways) + 1)
+    return -float(scene.linkage.gravity) * sideways / rates**2

@@ -12,7 +12,8 @@ import jaxcrusher as jc
 from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.supports import soil_under
 from jaxcrusher.motion.turns import Turns, run_turns
-from jaxcrusher.orbits.load_sheet import (
+from jaxcrusher.scenes.reader import read_scene
+from jaxcrusher.sheets.load_sheet import (
     Row,
     Site,
     _verdicts,
@@ -27,10 +28,8 @@ from jaxcrusher.orbits.load_sheet import (
     sheet,
     static_loads,
 )
-from jaxcrusher.orbits.natural_modes import linearised
-from jaxcrusher.orbits.run_up import STEPS, moment_of_weights, run_up
-from jaxcrusher.orbits.severity import ZONES, outside_scope, share, support_kind, zone
-from jaxcrusher.scenes.reader import read_scene
+from jaxcrusher.sheets.natural_modes import INSTANTS, linearised, moment_of_weights, run_up
+from jaxcrusher.sheets.severity import ZONES, outside_scope, share, support_kind, zone
 from tests.identification import by_hand
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -460,7 +459,7 @@ def test_a_run_up_ends_in_the_steady_state():
     scene = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3, "speed": 31.0})
     force = np.array([[3e3, 300.0], [-2e3j, 0], [-900.0, 100j]])
     mass, damping, stiffness = linearised(scene)
-    angles = 2 * np.pi * np.arange(STEPS) / STEPS
+    angles = 2 * np.pi * np.arange(INSTANTS) / INSTANTS
 
     # Weights swing sideways with what pushes there, 31 rad/s times an order: they do not fall.
     weights = np.zeros_like(force)
@@ -468,7 +467,7 @@ def test_a_run_up_ends_in_the_steady_state():
 
     def steady(share):
         """Peaks at a share of the speed, where forces of inertia are the square of it."""
-        path = np.zeros((STEPS, 3))
+        path = np.zeros((INSTANTS, 3))
         for order in (1, 2):
             rate = 31.0 * share * order
             dynamic = stiffness - rate**2 * mass + 1j * rate * damping
@@ -478,16 +477,16 @@ def test_a_run_up_ends_in_the_steady_state():
         return np.abs(path).max(axis=0)
 
     up, down = (np.abs(run_up(scene, force, 80.0, down=down)) for down in (False, True))
-    middle = slice(len(up) // 2 - STEPS, len(up) // 2 + STEPS)
+    middle = slice(len(up) // 2 - INSTANTS, len(up) // 2 + INSTANTS)
     # The speed changes by 0.25 % in a turn, and by 0.5 % in one at half of it.
-    np.testing.assert_allclose(up[-STEPS:].max(axis=0), steady(1.0), rtol=0.01)
-    np.testing.assert_allclose(down[:STEPS].max(axis=0), steady(1.0), rtol=0.01)
+    np.testing.assert_allclose(up[-INSTANTS:].max(axis=0), steady(1.0), rtol=0.01)
+    np.testing.assert_allclose(down[:INSTANTS].max(axis=0), steady(1.0), rtol=0.01)
     np.testing.assert_allclose(up[middle].max(axis=0), steady(0.5), rtol=0.02)
     # A faster one through a natural frequency below the running one has its peak on the way.
     low = {"foundation.horizontal_stiffness": 5e5, "foundation.horizontal_damping": 2e3}
     soft = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3, **low})
     fast, slow = (np.abs(run_up(soft, force, seconds)[:, 0]) for seconds in (2.0, 40.0))
-    assert slow.max() > 1.2 * fast.max() > 1.2 * fast[-STEPS:].max()
+    assert slow.max() > 1.2 * fast.max() > 1.2 * fast[-INSTANTS:].max()
 
 
 def test_the_moment_of_weights_is_the_same_at_any_speed():

@@ -1,11 +1,12 @@
 """The load sheet of a foundation: its numbers in parts, in the units of the trade."""
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 import xarray as xr
 from jaxtyping import Complex, Float, Scalar
@@ -16,7 +17,6 @@ from jaxcrusher.mechanism.observables import OF_SUPPORTS
 from jaxcrusher.mechanism.reductions import (
     LARGEST,
     LEAST,
-    SAMPLES,
     Chosen,
     Statistic,
     require_orders,
@@ -25,11 +25,15 @@ from jaxcrusher.mechanism.reductions import (
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Observable, OfPart, Snapshot
 from jaxcrusher.mechanism.topology import FRAME
-from jaxcrusher.motion.turns import Turns
-from jaxcrusher.orbits import severity
-from jaxcrusher.orbits.natural_modes import amplification, natural_modes, shares_of_energy
-from jaxcrusher.orbits.result import PeriodicOrbit, seen_along
-from jaxcrusher.orbits.run_up import run_up
+from jaxcrusher.motion.turns import Curve, Turns, curve_of
+from jaxcrusher.orbits.result import PeriodicOrbit, turns_of
+from jaxcrusher.sheets import severity
+from jaxcrusher.sheets.natural_modes import (
+    amplification,
+    natural_modes,
+    run_up,
+    shares_of_energy,
+)
 
 SIDES = {"x": "horizontally", "y": "vertically"}
 WAYS = tuple(SIDES.values())
@@ -132,9 +136,8 @@ def _frame_spin(s, scene: AbstractScene) -> Scalar:
 
 def orbit_turns(orbit: PeriodicOrbit) -> Turns:
     """Return what a sheet looks at along a periodic orbit."""
-    angles = 2 * np.pi / SAMPLES * jnp.arange(SAMPLES * orbit.period, dtype=float)
-    seen = seen_along(orbit, angles, tuple(quantities_of(orbit.scene).items()))
-    return Turns(orbit.scene, orbit.period, {n: np.asarray(v)[None] for n, v in seen.items()})
+    turns = turns_of(orbit, quantities_of(orbit.scene))
+    return dataclasses.replace(turns, values=jax.tree.map(np.asarray, turns.values))
 
 
 def sheet(motion: PeriodicOrbit | Turns, orders: int, site: Site = Site()) -> list[Row]:
@@ -153,15 +156,15 @@ def sheet(motion: PeriodicOrbit | Turns, orders: int, site: Site = Site()) -> li
     if turns.scene.supports is None:
         return rows
     modes, carried = natural_modes(turns.scene), _curves(turns, _carried())
-    moved, near = _moved(turns, site.points), _meetings(turns, modes, orders, site)
+    (arms, moved), near = _moved(turns, site.points), _meetings(turns, modes, orders, site)
     motions = [
-        *_motion(turns, moved, modes, site),
-        *_harmonics(turns, _named(moved), MOVING, orders),
+        *_motion(turns, arms, moved, modes, site),
+        *_harmonics(turns, moved, MOVING, orders),
     ]
     rows += [*_harmonics(turns, carried, HARMONICS, orders), *_peaks(turns, carried, orders)]
     rows = [*_ground(turns.scene), *_modes(turns.scene, modes, near), *rows, *motions]
     verdicts = _verdicts(turns.scene, rows, near, site)
-    return [*verdicts, *rows, *_running_up(turns, orders, site)]
+    return [*verdicts, *rows, *_running_up(turns, moved, orders, site)]
 
 
 def beside(rows: Sequence[Row], ideal: Sequence[Row]) -> list[Row]:
@@ -193,14 +196,10 @@ def moving_rms(turns: Turns) -> dict[str, Float[np.ndarray, " pieces"]]:
 
     That on the ground is there where the frame stands on supports.
     """
-    x, y, *_ = _curves(turns, _on_frame(turns.scene)).values()
-    found = {"exciting_rms": np.stack([x.values, y.values], axis=-1)}
+    found = {"exciting_rms": list(_curves(turns, _on_frame(turns.scene)).values())[:2]}
     if turns.scene.supports is not None:
-        found["transmitted_rms"] = turns.values["left_force"] + turns.values["right_force"]
-    return {
-        name: np.sqrt(np.mean(np.sum((force - force.mean(axis=(0, 1))) ** 2, axis=-1), axis=1))
-        for name, force in found.items()
-    }
+        found["transmitted_rms"] = list(_curves(turns, _carried()).values())[-2:]
+    return {name: np.hypot(x.moving.rms, y.moving.rms) for name, (x, y) in found.items()}
 
 
 def loses_contact(turns: Turns) -> bool:
@@ -235,24 +234,6 @@ def running_frequency(scene: AbstractScene) -> float:
     return float(scene.drive.speed) / (2 * np.pi)
 
 
-class Curve(NamedTuple):
-    """A quantity of the sheet in the unit of its observable, and its ends in each piece.
-
-    Impacts last less than the step between two of its values; the ends of a run know them.
-    """
-
-    unit: str
-    values: Float[np.ndarray, "pieces samples"]
-    largest: Float[np.ndarray, " pieces"]
-    least: Float[np.ndarray, " pieces"]
-
-    @property
-    def moving(self) -> "Curve":
-        """Return what moves of it: all but its mean."""
-        mean = self.values.mean()
-        return Curve(self.unit, self.values - mean, self.largest - mean, self.least - mean)
-
-
 Curves = dict[str, Curve]
 # Looks at a quantity of the sheet by its name, at an instant or at all.
 Look = Callable[[str], Any]
@@ -260,16 +241,11 @@ Look = Callable[[str], Any]
 Forces = dict[str, tuple[str, Callable[[Look], Any]]]
 
 
-def _smooth(unit: str, values: Float[np.ndarray, "pieces samples"]) -> Curve:
-    """Return a curve whose ends are among its values."""
-    return Curve(unit, values, values.max(axis=1), values.min(axis=1))
-
-
 def _curves(turns: Turns, forces: Forces) -> Curves:
     """Return forces and moments over a motion; the ends of an orbit are those of its instants."""
     found = {}
     for name, (unit, of) in forces.items():
-        found[name] = _smooth(unit, np.asarray(of(turns.values.__getitem__)))
+        found[name] = curve_of(unit, np.asarray(of(turns.values.__getitem__)))
         if not turns.repeats:
             ends = (turns.values[f"{which} {name}"] for which in ENDS)
             found[name] = Curve(unit, found[name].values, *ends)
@@ -373,20 +349,12 @@ def static_loads(turns: Turns, site: Site) -> list[Row]:
     return rows
 
 
-def _amplitudes(
-    values: Float[np.ndarray, "pieces samples"], highest: int
-) -> Complex[np.ndarray, "pieces orders"]:
-    """Return each piece's complex amplitudes from the first on."""
-    # numpy.fft sums a exp(-i k theta): its angle is the phase of the cosine.
-    return 2 * np.fft.rfft(values, axis=1)[:, 1 : highest + 1] / values.shape[1]
-
-
 def _harmonics(turns: Turns, curves: Curves, part: str, orders: int) -> list[Row]:
     """Return the means of the pieces' amplitudes, with their standard errors."""
     rows = []
     for name, curve in curves.items():
         unit, factor = TRADE[curve.unit]
-        pieces = factor * _amplitudes(curve.values, orders * turns.length)
+        pieces = factor * np.asarray(curve.amplitudes(orders * turns.length))[:, 1:]
         mean, count = pieces.mean(axis=0), len(pieces)
         spread = np.sum(np.abs(pieces - mean) ** 2, axis=0)
         error = np.sqrt(spread / max(count - 1, 1) / count)
@@ -401,9 +369,8 @@ def _by_order(
     turns: Turns, orders: int
 ) -> tuple[Float[np.ndarray, " orders"], Complex[np.ndarray, "3 orders"]]:
     """Return the circular frequencies of harmonics, rad/s, and what excites the block by them."""
-    pushing = [curve.values for curve in list(_exciting(turns).values())[:3]]
-    highest = orders * turns.length
-    force = np.array([_amplitudes(one, highest).mean(axis=0) for one in pushing])
+    pushing, highest = list(_exciting(turns).values())[:3], orders * turns.length
+    force = np.array([one.amplitudes(highest)[:, 1:].mean(axis=0) for one in pushing])
     each = np.arange(1, highest + 1) / turns.length
     return each * float(turns.scene.drive.speed), force
 
@@ -416,9 +383,9 @@ def _peaks(turns: Turns, curves: Curves, orders: int) -> list[Row]:
         largest[curve.unit] = max(largest.get(curve.unit, 0.0), size)
     for name, curve in curves.items():
         (unit, factor), values = TRADE[curve.unit], curve.values
-        rms = factor * np.sqrt(np.mean((values - values.mean()) ** 2, axis=1))
-        powers = np.var(values, axis=1)
-        slow = np.sum(np.abs(_amplitudes(values, orders * turns.length)) ** 2, axis=1) / 2
+        rms, powers = factor * np.asarray(curve.moving.rms), np.var(values, axis=1)
+        orders_of_pieces = np.asarray(curve.amplitudes(orders * turns.length))[:, 1:]
+        slow = np.sum(np.abs(orders_of_pieces) ** 2, axis=1) / 2
         # Beside the largest of its kind what hardly moves is rounding.
         moves = bool(powers.mean() > (1e-9 * largest[curve.unit]) ** 2)
         share = 100 * (1 - slow.sum() / powers.sum()) if moves else 0.0
@@ -528,58 +495,47 @@ def _modes(scene: AbstractScene, modes: xr.Dataset, near: Sequence[Meeting]) -> 
     return found
 
 
-# Place -> arm from G (m), displacement from the mean place (m) and velocity (m/s) in time.
-Moved = dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
-
-
-def _moved(turns: Turns, points: Mapping[str, tuple[float, float]]) -> Moved:
-    """Return how G, the main bearing and the points move."""
+def _moved(
+    turns: Turns, points: Mapping[str, tuple[float, float]]
+) -> tuple[dict[str, np.ndarray], Curves]:
+    """Return where G, the main bearing and the points are from G (m), and how they move."""
     shift, turned = turns.values["frame_displacement"], turns.values["frame_rotation"]
     rate, spin = turns.values["frame_velocity"], turns.values["frame_spin"]
     cos, sin = np.cos(turned), np.sin(turned)
     places = {"G": _place(turns.scene), "the main bearing": _bearing(turns.scene)}
     places |= {name: Vector(*at) for name, at in points.items()}
-    found = {}
+    arms, curves = {}, {}
     for name, at in places.items():
-        arm = np.asarray((at - _place(turns.scene)).array())
+        arm = arms[name] = np.asarray((at - _place(turns.scene)).array())
         x, y = cos * arm[0] - sin * arm[1], sin * arm[0] + cos * arm[1]
         path = shift + np.stack([x - arm[0], y - arm[1]], axis=-1)
         velocity = rate + spin[..., None] * np.stack([-y, x], axis=-1)
-        found[name] = arm, path - path.mean(axis=(0, 1)), velocity
-    return found
-
-
-def _named(moved: Moved) -> Curves:
-    found: Curves = {}
-    for place, (_, path, velocity) in moved.items():
         for i, side in enumerate(WAYS):
-            found[f"displacement of {place}, {side}"] = _smooth("m", path[..., i])
-            found[f"velocity of {place}, {side}"] = _smooth("m/s", velocity[..., i])
-    return found
+            curves[f"displacement of {name}, {side}"] = curve_of("m", path[..., i]).moving
+            curves[f"velocity of {name}, {side}"] = curve_of("m/s", velocity[..., i])
+    return arms, curves
 
 
-def _motion(turns: Turns, moved: Moved, modes: xr.Dataset, site: Site) -> list[Row]:
+def _motion(
+    turns: Turns, arms: dict[str, np.ndarray], curves: Curves, modes: xr.Dataset, site: Site
+) -> list[Row]:
     """Return RMS and peaks of displacement and velocity, with the zones of the standard."""
     part, running = "motion", running_frequency(turns.scene)
     outside, machines = severity.outside_scope(running, site.power), severity.group(site.power)
     rows = []
-    for place, (arm, path, velocity) in moved.items():
-        for quantity, values, observed in (
-            ("displacement", path, "m"),
-            ("velocity", velocity, "m/s"),
-        ):
-            unit, factor = TRADE[observed]
-            for i, axis in enumerate(SIDES):
-                one, name = factor * values[..., i], f"{quantity} of {place}, {SIDES[axis]}"
-                kind = severity.support_kind(modes, running, arm, axis)
-                rms, peaks = np.sqrt(np.mean(one**2, axis=1)), np.abs(one).max(axis=1)
-                row = _of_pieces(turns, part, name, "RMS", rms, unit)
-                grade = severity.zone(kind, quantity, row.value, machines)
-                said = "" if outside else f"zone {grade}, {kind} support"
-                rows += [
-                    dataclasses.replace(row, remark=said),
-                    _of_pieces(turns, part, name, "peak", peaks, unit),
-                ]
+    for place, arm in arms.items():
+        for quantity, axis in itertools.product(("displacement", "velocity"), SIDES):
+            name = f"{quantity} of {place}, {SIDES[axis]}"
+            curve = curves[name]
+            unit, factor = TRADE[curve.unit]
+            row = _of_pieces(turns, part, name, "RMS", factor * np.asarray(curve.rms), unit)
+            kind = severity.support_kind(modes, running, arm, axis)
+            grade = severity.zone(kind, quantity, row.value, machines)
+            said = "" if outside else f"zone {grade}, {kind} support"
+            rows += [
+                dataclasses.replace(row, remark=said),
+                _of_pieces(turns, part, name, "peak", factor * curve.peak, unit),
+            ]
     return rows
 
 
@@ -607,16 +563,15 @@ def _verdicts(
     return [Row(part, "overall zone", "", worst.value, worst.unit, remark=said), *found]
 
 
-def _running_up(turns: Turns, orders: int, site: Site) -> list[Row]:
+def _running_up(turns: Turns, moved: Curves, orders: int, site: Site) -> list[Row]:
     """Return what G does on the way up and down, beside the running speed."""
     part, rows, scene = "run-up and run-down", [], turns.scene
-    moved, (_, force) = turns.values["frame_displacement"], _by_order(turns, orders)
-    force = force[:, turns.length - 1 :: turns.length]  # orders of a turn
+    force = _by_order(turns, orders)[1][:, turns.length - 1 :: turns.length]  # orders of a turn
     for words, down in (("up", False), ("down", True)):
         path = run_up(scene, force, site.seconds, down=down)
         for i, axis in enumerate(SIDES):
-            own = moved[..., i] - moved[..., i].mean()
-            peak, running = 1e6 * np.abs(path[:, i]).max(), 1e6 * np.abs(own).max()
+            peak = 1e6 * np.abs(path[:, i]).max()
+            running = 1e6 * moved[f"displacement of G, {SIDES[axis]}"].peak.max()
             name = f"peak displacement of G on the way {words}, {SIDES[axis]}"
             remark = f"in {site.seconds:g} s; {peak / running:.2f} times that at the running speed"
             rows.append(Row(part, name, "", float(peak), "um", remark=remark))

@@ -1,6 +1,5 @@
 """Harmonics of what can be observed along a periodic orbit."""
 
-import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 
@@ -11,8 +10,8 @@ from jaxcrusher.basics.checks import (
     require_own_process,
     require_untraced,
 )
-from jaxcrusher.mechanism.reductions import SAMPLES, require_orders
-from jaxcrusher.orbits.result import PeriodicOrbit, require_one
+from jaxcrusher.mechanism.reductions import require_orders
+from jaxcrusher.orbits.result import PeriodicOrbit, require_one, turns_of
 
 # What a foundation is laid out for: what a clamped frame passes to the ground, and what excites one
 # on supports.
@@ -53,19 +52,11 @@ def harmonics(
     known, usual = orbit.scene.observables, OUTPUTS if orbit.scene.supports is None else ON_SUPPORTS
     outputs = usual if outputs is None else outputs
     require_names("outputs", outputs, tuple(known))
-    turns, count = orbit.period, SAMPLES * orbit.period
-    seen = orbit.motion(2 * np.pi / SAMPLES * jnp.arange(count, dtype=float), tuple(outputs))
-    names, units, columns = [], [], []
-    for name in outputs:
-        values = np.asarray(seen[name])
-        axes = ("",) if values.ndim == 1 else ("_x", "_y")
-        names += [name + axis for axis in axes]
-        units += [known[name].unit] * len(axes)
-        columns += list(values.reshape(count, -1).T)
-    # numpy.fft sums a exp(-i k theta): its angle is the phase of the cosine.
-    spectrum = np.fft.rfft(np.array(columns), axis=1)[:, : orders * turns + 1] / count
-    amplitude, phase = 2 * np.abs(spectrum), np.angle(spectrum)
-    amplitude[:, 0], phase[:, 0] = spectrum[:, 0].real, 0.0
+    turns = turns_of(orbit, {name: known[name] for name in outputs})
+    curves, highest = turns.curves(), orders * turns.length
+    spectrum = np.concatenate([one.amplitudes(highest) for one in curves.values()])
+    amplitude, phase = np.abs(spectrum), np.angle(spectrum)
+    amplitude[:, 0], phase[:, 0] = np.real(spectrum[:, 0]), 0.0
     axes = ("quantity", "order")
     return xr.Dataset(
         {
@@ -73,9 +64,9 @@ def harmonics(
             "phase": (axes, phase, {"units": "rad", "long_name": "phase of the cosine"}),
         },
         {
-            "quantity": names,
-            "order": np.arange(orders * turns + 1) / turns,
-            "unit": ("quantity", units),
+            "quantity": list(curves),
+            "order": np.arange(highest + 1) / turns.length,
+            "unit": ("quantity", [one.unit for one in curves.values()]),
         },
-        {"period": turns, "speed": float(orbit.scene.drive.speed)},
+        {"period": turns.length, "speed": float(orbit.scene.drive.speed)},
     )

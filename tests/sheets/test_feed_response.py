@@ -10,10 +10,11 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.mechanism.acting import RoughFeed
 from jaxcrusher.mechanism.drives import UnevenSpeed
-from jaxcrusher.orbits import feed_response, forced
-from jaxcrusher.orbits.feed_response import RESPONSE_NODES, FeedResponse, _Crossing
+from jaxcrusher.orbits import forced
 from jaxcrusher.periodic.collocation import collocate
 from jaxcrusher.periodic.trigonometric import resample
+from jaxcrusher.sheets import feed_response
+from jaxcrusher.sheets.feed_response import RESPONSE_NODES, FeedResponse, _Crossing
 
 ROUGH = {"start": "contact", "load_scatter": 0.1, "load_bandwidth": 5.3}
 

@@ -7,11 +7,11 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.mechanism.reductions import samples_of
-from jaxcrusher.motion.bearing_sheet import bearing_sheet, bearings_of, outputs_of, shaking_rms
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.statistics import over_turns
 from jaxcrusher.motion.turns import Turns, run_turns
+from jaxcrusher.sheets.bearing_sheet import bearing_sheet, bearings_of, outputs_of, shaking_rms
 
 
 @pytest.fixture(scope="module")
