@@ -509,7 +509,7 @@ def drawn(
         require(body != FRAME, f"forces.{item}.body", "be a body that moves", repr(FRAME))
     ends = (*joints, *((name, FRAME, body) for name, body in slides))
     sides, left = tables.sides(dyads_of(ends, tuple(n for n, _ in slides), bodies, crank))
-    drawing = Drawing(crank=crank, bodies=bodies, sides=sides, **tied)
+    drawing = Drawing(**tied | {"crank": crank, "bodies": bodies, "sides": sides})
     return drawing, list(tables.entries.items()), left
 
 
