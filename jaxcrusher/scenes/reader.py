@@ -27,8 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxcrusher.basics.checks import renamed, require, require_choice
-from jaxcrusher.mechanism.scene import Scene
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import AbstractScene, Scene
 from jaxcrusher.scenes.build import build_scene
 from jaxcrusher.scenes.crusher import Crusher
 from jaxcrusher.scenes.linkages import drawn
