@@ -22,11 +22,12 @@ body = "slider"
 along = [1, 0]
 ```
 
-Besides there are `[forces.NAME]` (body, at, force; or curve and along), `[springs.NAME]` (begin,
-end, stiffness, length, damping, preload), `[points]` whose motion is told, `[foundation]` as of a
-crusher, and `[assembly]`: the side of each dyad, by one of its bodies. Two links meet to the left
-(1) or to the right (-1) of the line from the outer joint of the named one to the other's; a link
-and a slider meet ahead (1) or behind (-1) along the slide. The dyads follow from the joints.
+Besides there are `[forces.NAME]` (body, at, force; or curve and along; of a rough feed scatter,
+bandwidth and seed), `[springs.NAME]` (begin, end, stiffness, length, damping, preload), `[points]`
+whose motion is told, `[foundation]` as of a crusher, and `[assembly]`: the side of each dyad, by
+one of its bodies. Two links meet to the left (1) or to the right (-1) of the line from the outer
+joint of the named one to the other's; a link and a slider meet ahead (1) or behind (-1) along the
+slide. The dyads follow from the joints.
 Numbers are named by their place, as `joints.B.clearance` and `bodies.rod.mass_centre.x`.
 """
 
@@ -54,7 +55,7 @@ from jaxcrusher.basics.plane import Arm, Vector
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AmbrosioFriction
-from jaxcrusher.mechanism.acting import AbstractPush, Push, PushByAngle, Spring
+from jaxcrusher.mechanism.acting import AbstractPush, Push, PushByAngle, Spring, rough_feed
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.named import Named
@@ -140,6 +141,9 @@ SECTIONS: dict[str, dict[str, Key]] = {
         "at": Key(_PLACE, "pair", None),
         "force": Key(_FORCE, "pair", by_curve=False),
         "along": Key(_DIRECTION, "pair", by_curve=True),
+        "scatter": Key(PARAMETERS["load_scatter"], default=None),
+        "bandwidth": _usual("load_bandwidth", "scatter"),
+        "seed": _usual("load_seed", "scatter"),
     },
     "springs": {
         "begin": Key(_PLACE, "point"),
@@ -369,11 +373,17 @@ def _bearing(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
 
 
 def _push(values: Mapping[str, Any], name: str, body: str, curve: tuple | None) -> AbstractPush:
+    """Return a force, of a rough feed where it scatters."""
     at = _point(values, f"forces.{name}.at", body)
     if curve is None:
-        return Push(at, _vector(values, f"forces.{name}.force"))
-    along = _vector(values, f"forces.{name}.along")
-    return PushByAngle(at, along, load_curve(np.array(curve)))
+        push = Push(at, _vector(values, f"forces.{name}.force"))
+    else:
+        along = _vector(values, f"forces.{name}.along")
+        push = PushByAngle(at, along, load_curve(np.array(curve)))
+    if f"forces.{name}.scatter" not in values:
+        return push
+    numbers = (values[f"forces.{name}.{of}"] for of in ("scatter", "bandwidth", "seed"))
+    return rough_feed(push, *numbers)
 
 
 def _spring(values: Mapping[str, Any], name: str, begin: str, end: str) -> Spring:

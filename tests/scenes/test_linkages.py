@@ -12,6 +12,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.joint.rollers import RollerBearing
+from jaxcrusher.mechanism.acting import RoughFeed, rough_feed
 from jaxcrusher.mechanism.linkage import Point
 from jaxcrusher.mechanism.motion import Crank, moving
 from jaxcrusher.mechanism.named import Named
@@ -851,3 +852,31 @@ def test_slips_of_a_file_are_told_as_of_a_crusher_s(old, new, words, tmp_path):
     with pytest.raises(ValueError, match=words) as error:
         read_machine(path)
     assert str(error.value).startswith(str(path)) and "\n" not in str(error.value)
+
+
+def test_a_force_may_be_that_of_a_rough_feed():
+    """Its mean is the force; the wave is that of `rough_feed` with the numbers of the table."""
+    force = {"body": "slider", "force": [-300.0, 0.0]}
+    rough = force | {"scatter": "20 %", "seed": 3}
+    plain, feed = (linkage(**changed(forces={"gas": one})).pushes[0] for one in (force, rough))
+    assert isinstance(feed, RoughFeed) and isinstance(feed.steady(), type(plain))
+    expected = rough_feed(plain, 0.2, 10.0, 3)
+    for angle in (0.0, 1.0, 8.0):
+        assert float(feed.wave(angle)) == float(expected.wave(angle))
+    assert (float(feed.scatter), float(feed.bandwidth)) == (0.2, 10.0)
+    for wrong, words in (
+        ({"bandwidth": 5.0}, "forces.gas.bandwidth` must come with `forces.gas.scatter`"),
+        ({"scatter": 0.2, "seed": 1.5}, "forces.gas.seed` must be a whole number, but is 1.5"),
+        ({"scatter": 2.0}, "forces.gas.scatter` must lie in [0, 1]"),
+    ):
+        with pytest.raises(ValueError, match=re.escape(words)):
+            linkage(**changed(forces={"gas": force | wrong}))
+    seen = jax.vmap(lambda seed: linkage_of(seed).pushes[0].wave(1.0))(jnp.array([3.0, 3.5]))
+    assert np.isfinite(seen[0]) and np.isnan(seen[1])
+
+
+def linkage_of(seed):
+    """The plain slider-crank with a rough force of a seed."""
+    gas = {"body": "slider", "force": [-300.0, 0.0], "scatter": 0.2}
+    machine = jc.linkage_machine(**changed(forces={"gas": gas}))
+    return machine.scene(**{"forces.gas.seed": seed})
