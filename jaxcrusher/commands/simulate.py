@@ -1,7 +1,7 @@
 """`python -m jaxcrusher simulate`: one crusher's motion, as a file and a picture."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -87,8 +87,7 @@ def run(options: Simulate, console: Console) -> int:
         console.print(f"FAILED: {failure}", style="red")
     else:
         if found.make is None:
-            loose = {joint: scene.prefix(joint) for joint in scene.joints.names}
-            console.print(closing(motion, summary, settle, loose))
+            console.print(closing(motion, summary, settle, scene))
         else:
             console.print(closing_of_linkage(motion, summary, settle))
         if summary is not None and (advice := scattered(summary)):
@@ -206,13 +205,15 @@ def closing_of_linkage(motion: Trajectory, summary: Statistics | None, settle: i
 
 
 def closing(
-    motion: Trajectory, summary: Statistics | None, settle: int, loose: Mapping[str, str]
+    motion: Trajectory, summary: Statistics | None, settle: int, scene: AbstractScene
 ) -> str:
     """RMS of both forces, peak, contact, whirl and what is outside the model, on one line."""
+    loose = scene.joints.names
 
     def contact(share: Callable[[str], Any]) -> list[str]:
         """Say the share of time in contact of each loose joint; `share` is by its prefix."""
-        of = {f"{joint} " if at else "": at for joint, at in loose.items()}
+        prefixes = {joint: scene.prefix(joint) for joint in loose}
+        of = {f"{joint} " if at else "": at for joint, at in prefixes.items()}
         return [f"{joint}contact share {float(share(at)):.3f}" for joint, at in of.items()]
 
     if summary is None:

@@ -135,7 +135,7 @@ def test_a_span_without_a_whole_turn_tells_the_contact_of_each_loose_joint(loose
     values = {name: jnp.array(of) for name, of in depths.items()}
     values |= {"foundation_force": jnp.full(4, 5e3), "shaking_force": jnp.full((4, 2), 1e3)}
     motion = Trajectory(jnp.arange(4.0), fine(), values)
-    line = simulate.closing(motion, None, 0, jc.build_scene(loose).joints.names)
+    line = simulate.closing(motion, None, 0, jc.build_scene(loose))
     known = "RMS force on the foundation 5000 N, RMS shaking force 1414 N"
     assert line.startswith(f"{known}{told}, over the samples")
 
