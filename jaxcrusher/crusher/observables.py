@@ -36,7 +36,7 @@ def load_position(s: Snapshot, scene: Scene) -> Vector:
     """Where the crushing load acts on the jaw, m; S2 where there is none."""
     if not s.applied.pushes:
         return JawMotion(s.motion).position()
-    ((point, _),) = s.applied.pushes
+    point, _ = s.applied.pushes[0]
     return s.motion.position(point)
 
 
@@ -62,8 +62,7 @@ def jaw_mass_centre(s: Snapshot, scene: Scene) -> Vector:
 
 def _rod(s: Snapshot) -> Stretched:
     """Return the tension rod as it is stretched."""
-    (rod,) = s.applied.springs
-    return rod
+    return s.applied.springs[0]
 
 
 def rod_tension(s: Snapshot, scene: Scene) -> Scalar:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax.lax import stop_gradient
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.checks import require, require_own_process, require_positive
+from jaxcrusher.basics.checks import require_own_process, require_positive
 from jaxcrusher.basics.plane import Vector, or_zero, plus
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
@@ -196,38 +196,35 @@ def constraint_residual(s: Snapshot, scene: Scene) -> Scalar:
     return jnp.zeros_like(s.motion.crank.speed) if found is None else found
 
 
-def _on_supports(s: Snapshot, scene: Scene, name: str) -> tuple[FrameMotion, OnSupports]:
-    """Return the frame's motion and its supports."""
-    if s.frame is None or scene.supports is None:
-        raise ValueError(
-            f"Argument `outputs` must not ask for {name} of a clamped frame, but does."
-        )
+def _on_supports(s: Snapshot, scene: Scene) -> tuple[FrameMotion, OnSupports]:
+    """Return the frame's motion and its supports, of a scene that has some."""
+    assert s.frame is not None and scene.supports is not None, "the frame is clamped"
     return s.frame, scene.supports
 
 
 def support_loss(s: Snapshot, scene: Scene) -> Scalar:
-    """Power that the dampers of the supports take, W; ValueError for a clamped frame."""
-    frame, foundation = _on_supports(s, scene, "support_loss")
+    """Power that the dampers of the supports take, W."""
+    frame, foundation = _on_supports(s, scene)
     return foundation.loss(frame)
 
 
 def support_force(s: Snapshot, scene: Scene, side: str) -> Vector:
     """Return the force of the left or the right support on the ground, N."""
-    frame, foundation = _on_supports(s, scene, f"{side}_force")
+    frame, foundation = _on_supports(s, scene)
     left, right = foundation.support_forces(frame)
     return left if side == "left" else right
 
 
 def transmitted_force(s: Snapshot, scene: Scene) -> Vector:
     """Return the force of both supports on the ground, N."""
-    frame, foundation = _on_supports(s, scene, "transmitted_force")
+    frame, foundation = _on_supports(s, scene)
     left, right = foundation.support_forces(frame)
     return left + right
 
 
 def _past_frame(s: Snapshot, scene: Scene) -> list[tuple[str, Vector]]:
     """Return mass times acceleration past the frame of each body, in the frame's axes, N."""
-    frame, foundation = _on_supports(s, scene, "exciting_force")
+    frame, foundation = _on_supports(s, scene)
     origin, spin_up = s.accelerations.centres.at(FRAME), s.accelerations.spin_ups.at(FRAME)
     found = []
     for name, rate in _momentum_rates(s, scene):
@@ -262,22 +259,22 @@ def exciting_moment(s: Snapshot, scene: Scene) -> Scalar:
 
 def frame_displacement(s: Snapshot, scene: Scene) -> Vector:
     """Return the displacement of G from where the frame is drawn, m."""
-    return _on_supports(s, scene, "frame_displacement")[0].displacement
+    return _on_supports(s, scene)[0].displacement
 
 
 def frame_velocity(s: Snapshot, scene: Scene) -> Vector:
     """Return the velocity of G, m/s."""
-    return _on_supports(s, scene, "frame_velocity")[0].velocity
+    return _on_supports(s, scene)[0].velocity
 
 
 def frame_rotation(s: Snapshot, scene: Scene) -> Scalar:
     """Return the rotation of the frame, rad."""
-    return _on_supports(s, scene, "frame_rotation")[0].rotation
+    return _on_supports(s, scene)[0].rotation
 
 
 def transmitted_size(s: Snapshot, scene: Scene) -> Scalar:
     """Return the length of what moves of the force on the ground, N: all but the weight."""
-    _, foundation = _on_supports(s, scene, "transmitted_force")
+    _, foundation = _on_supports(s, scene)
     weight = Vector(0.0, -(foundation.mass + scene.linkage.mass) * scene.linkage.gravity)
     return norm(transmitted_force(s, scene) - weight, force_width(s, scene))
 
@@ -330,9 +327,7 @@ def stiffness_now(s: Snapshot, scene: Scene, joint: str) -> Scalar:
 
 def _rollers(scene: Scene, joint: str) -> RollerBearing:
     bearing = scene.joints[joint]
-    rolls = isinstance(bearing, RollerBearing)
-    require(rolls, "outputs", "ask for rollers where there are some", f"of {joint}")
-    assert isinstance(bearing, RollerBearing)
+    assert isinstance(bearing, RollerBearing), f"no rollers at {joint}"
     return bearing
 
 

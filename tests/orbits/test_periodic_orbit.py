@@ -146,7 +146,7 @@ def test_statistics_of_the_motion(orbit):
     np.testing.assert_allclose(orbit.foundation_rms, 19102.316, atol=1e-3)
     np.testing.assert_allclose(orbit.settling_turns, 14300, rtol=0.01)
     state = flat(orbit.state())
-    names = orbit.scene.statistics
+    names = tuple(orbit.scene.statistics)
     section = poincare_section(orbit.scene, 0, 1, state=state, outputs=names, rtol=1e-11)
     for name in names:
         # Samples stand 1 / 1024 of a turn apart, and a parabola is drawn through three of them.

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxcrusher.motion.bearing_sheet import bearing_sheet, bearings_of, outputs_of
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Arm, Vector
@@ -18,7 +19,6 @@ from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.observables import bearing_stiffness
 from jaxcrusher.mechanism.scene import later, require_steady
 from jaxcrusher.mechanism.starts import Centred
-from jaxcrusher.motion.bearing_sheet import bearing_sheet, bearings_of, outputs_of
 from jaxcrusher.motion.turns import run_turns
 
 STATIC, DYNAMIC, SPEED = 2e4, 1.5e4, 900.0
@@ -144,13 +144,14 @@ def test_any_push_may_be_that_of_a_rough_feed(machine):
     # Rounding of angles of some 50 rad.
     np.testing.assert_allclose(given, expected, rtol=1e-12)
     assert np.ptp(wave) > 1
-    shifted = np.array([float(later(rough, 4 * np.pi).pushes[0].wave(a)) for a in angles])
+    (moved,) = later(rough, 4 * np.pi).pushes
+    assert isinstance(moved, RoughFeed)
+    shifted = [float(moved.wave(angle)) for angle in angles]
     np.testing.assert_allclose(shifted, [float(feed.wave(a + 4 * np.pi)) for a in angles])
     assert later(plain, 4 * np.pi) is plain and plain.steady() is plain
     assert rough.steady().pushes == plain.pushes
     with pytest.raises(ValueError, match="have a load that repeats each turn"):
         require_steady(rough)
-    assert isinstance(rough.pushes[0], RoughFeed)
 
 
 class Wandering(AbstractPush):
