@@ -511,7 +511,7 @@ def drawn(
     crank, _ = str(tables.entries.pop("crank", "missing")), tables.entries.pop("kind", None)
     must = f"name the body that the drive turns: {', '.join(bodies)}"
     require(crank in bodies, "crank", must, crank)
-    tied = {section: tables.ties(section) for section in SECTIONS}
+    tied: dict[str, Any] = {section: tables.ties(section) for section in SECTIONS}
     joints, slides, forces = tied["joints"], tied["slides"], tied["forces"]
     held = any({crank, FRAME} == {bore, pin} for _, bore, pin in joints)
     require(held, "crank", "have a joint to the frame", f"{crank!r} without one")
