@@ -18,7 +18,7 @@ from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
-from jaxcrusher.mechanism.state import AbstractState, Parts, contacts_of, snapshot_of
+from jaxcrusher.mechanism.state import Parts, contacts_of, snapshot_of
 
 
 class JointState(Record):
@@ -29,7 +29,7 @@ class JointState(Record):
     memory: PyTree[Scalar] | None  # of its bearing
 
 
-class EccentricityState(AbstractState):
+class EccentricityState(Record):
     """State of the joints with clearance, of a free crank, and of a frame on supports."""
 
     joints: Named[JointState]

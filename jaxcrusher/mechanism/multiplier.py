@@ -24,7 +24,7 @@ from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
-from jaxcrusher.mechanism.state import AbstractState, Parts, contacts_of, snapshot_of
+from jaxcrusher.mechanism.state import Parts, contacts_of, snapshot_of
 from jaxcrusher.mechanism.topology import FRAME
 
 # The unit of time of the velocities in the state: as long as a contact, so that the error
@@ -42,7 +42,7 @@ class Placement(Record):
         return Placement(self.centre * factor, self.angle * factor)
 
 
-class MultiplierState(AbstractState):
+class MultiplierState(Record):
     """q (m, rad), and q' in units per CONTACT_TIME; the crank is the first of the bodies."""
 
     position: Named[Placement]

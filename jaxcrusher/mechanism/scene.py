@@ -298,7 +298,8 @@ class AbstractStart(eqx.Module):
 class AbstractFormulation(eqx.Module):
     """How the equations of motion of a scene are written and solved for the accelerations.
 
-    A state is a PyTree of scalars. `time` is in seconds.
+    A state is a PyTree of scalars that tells its `parts` (`jaxcrusher.mechanism.state.Parts`).
+    `time` is in seconds.
     """
 
     @abc.abstractmethod

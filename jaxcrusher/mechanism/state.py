@@ -1,6 +1,5 @@
 """What stands where in a state of a scene, and the instant that follows from its motion."""
 
-import abc
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -10,7 +9,6 @@ import numpy as np
 from jaxtyping import Int, PyTree, Scalar
 
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.basics.record import Record
 from jaxcrusher.joint.clearance import Contact
 from jaxcrusher.mechanism.drives import from_nearest_turn
 from jaxcrusher.mechanism.equations import Accelerations, Forces
@@ -22,7 +20,7 @@ from jaxcrusher.mechanism.snapshot import FrameMotion, Snapshot
 
 
 class Parts(NamedTuple):
-    """The parts of a state that have a meaning whatever coordinates it is written in."""
+    """What every state tells as its `parts`, whatever coordinates it is written in."""
 
     eccentricities: Named[Vector]  # e / c of loose joints; none where the bodies' places tell them
     rates: Named[Vector]  # e' of the same joints, m/s
@@ -31,16 +29,7 @@ class Parts(NamedTuple):
     frame: FrameState | None  # None: clamped
 
 
-class AbstractState(Record):
-    """A state of a scene: a PyTree of scalars."""
-
-    @property
-    @abc.abstractmethod
-    def parts(self) -> Parts:
-        """Return the parts of the state."""
-
-
-def unwound(state: AbstractState) -> AbstractState:
+def unwound(state: PyTree[Scalar]) -> PyTree[Scalar]:
     """Return the same state, with the angle of its crank counted from the nearest whole turn.
 
     A motion goes on from there, at the end of a turn, as from angle zero.

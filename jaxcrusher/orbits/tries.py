@@ -31,27 +31,9 @@ from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.forced import can_be_shot, unknowns
 from jaxcrusher.orbits.oscillation import NEAR, oscillation_about
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
-from jaxcrusher.orbits.shot import (
-    ORBIT_RTOL,
-    closed,
-    described,
-    integrated_multipliers,
-)
-from jaxcrusher.orbits.solving import (
-    NODES,
-    SETTLED,
-    Nodes,
-    solved,
-    with_statistics,
-)
-from jaxcrusher.orbits.transient import (
-    LONGEST,
-    FromRest,
-    Round,
-    Wait,
-    resting_start,
-    section_mean,
-)
+from jaxcrusher.orbits.shot import ORBIT_RTOL, closed, described, integrated_multipliers
+from jaxcrusher.orbits.solving import NODES, SETTLED, Nodes, solved, with_statistics
+from jaxcrusher.orbits.transient import LONGEST, FromRest, Round, Wait, resting_start, section_mean
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.multipliers import UNSURE
 from jaxcrusher.periodic.trigonometric import resample

@@ -298,13 +298,8 @@ class Drawing(AbstractStructure):
     def left_open(self, machine: Machine) -> list[str]:
         """Return which numbers and sides the file leaves to defaults."""
         values = machine.values
-        told = [f"{n} {said(n, values.get(n, 1), machine.units)}" for n in self._assumed(machine)]
+        told = [f"{n} {said(n, values.get(n, 1), machine.units)}" for n in machine.defaults]
         return [f"leaves {len(told)} numbers to defaults: {', '.join(told)}."] if told else []
-
-    def _assumed(self, machine: Machine) -> list[str]:
-        """Return the numbers of loose joints and the sides that a machine leaves to defaults."""
-        left = (n for n in machine.values if n in machine.numbers and n not in machine.given)
-        return [*(name for name in left if name.startswith("joints.")), *machine.defaults]
 
     def about(self, machine: Machine) -> dict[str, str]:
         """Return its masses and its foundation, and what is left to defaults."""
@@ -313,7 +308,7 @@ class Drawing(AbstractStructure):
         return {
             "masses": all_said(masses, machine.units),
             "foundation": all_said(given, machine.units) or "clamped",
-            "assumed": ", ".join(self._assumed(machine)) or "nothing",
+            "assumed": ", ".join(machine.defaults) or "nothing",
         }
 
     @property

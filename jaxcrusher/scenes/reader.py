@@ -23,6 +23,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -168,7 +169,9 @@ def _read(
     over = read_overrides(overrides, known)
     with naming(path, {**given, **over} if crushes else NUMBERS):
         values = structure.merged(given, over)
-    return Machine(structure, values, units_of(rest) | units_of(overrides), tuple(left))
+        found = Machine(structure, values, units_of(rest) | units_of(overrides))
+        own = () if crushes else (n for n in found.values if n in found.numbers and n not in values)
+        return replace(found, defaults=(*(n for n in own if n.startswith("joints.")), *left))
 
 
 def _laws(entries: Iterable[tuple[str, Any]], folder: Path = Path()) -> dict[str, str]:

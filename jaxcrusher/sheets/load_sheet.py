@@ -28,12 +28,7 @@ from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.motion.turns import Curve, Turns, curve_of
 from jaxcrusher.orbits.result import PeriodicOrbit, turns_of
 from jaxcrusher.sheets import severity
-from jaxcrusher.sheets.natural_modes import (
-    amplification,
-    natural_modes,
-    run_up,
-    shares_of_energy,
-)
+from jaxcrusher.sheets.natural_modes import amplification, natural_modes, run_up, shares_of_energy
 
 SIDES = {"x": "horizontally", "y": "vertically"}
 WAYS = tuple(SIDES.values())
@@ -147,7 +142,8 @@ def sheet(motion: PeriodicOrbit | Turns, orders: int, site: Site = Site()) -> li
     """
     require_orders(orders)
     turns = motion if isinstance(motion, Turns) else orbit_turns(motion)
-    exciting = _exciting(turns)
+    exciting = _curves(turns, _on_frame(turns.scene))
+    exciting = {name: curve.moving for name, curve in exciting.items()}
     rows = [
         *static_loads(turns, site),
         *_harmonics(turns, exciting, HARMONICS, orders),
@@ -262,12 +258,6 @@ def _component(unit: str, names: Sequence[str], axis: int) -> tuple[str, Callabl
     return unit, lambda look: sum(look(name)[..., axis] for name in names)
 
 
-def _exciting(turns: Turns) -> Curves:
-    """Return what moves of the force and the moments that the bodies exert on a frame at rest."""
-    found = _curves(turns, _on_frame(turns.scene))
-    return {name: curve.moving for name, curve in found.items()}
-
-
 def _on_frame(scene: AbstractScene) -> Forces:
     """Return force and moments of the bodies' motion past the frame, and on a clamped one weight.
 
@@ -369,7 +359,8 @@ def _by_order(
     turns: Turns, orders: int
 ) -> tuple[Float[np.ndarray, " orders"], Complex[np.ndarray, "3 orders"]]:
     """Return the circular frequencies of harmonics, rad/s, and what excites the block by them."""
-    pushing, highest = list(_exciting(turns).values())[:3], orders * turns.length
+    curves, highest = _curves(turns, _on_frame(turns.scene)), orders * turns.length
+    pushing = list(curves.values())[:3]
     force = np.array([one.amplitudes(highest)[:, 1:].mean(axis=0) for one in pushing])
     each = np.arange(1, highest + 1) / turns.length
     return each * float(turns.scene.drive.speed), force

@@ -11,6 +11,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.crusher.machine import require_crusher
 from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.acting import RoughFeed, rough_feed
 from jaxcrusher.mechanism.linkage import Point
@@ -726,10 +727,10 @@ def test_levers_with_all_clearances_are_bounds(drawing, off):
 
 
 def test_links_close_with_all_clearances_at_once():
-    """As `Machine.require_assembly` says of the same crusher, to the least lever that is taken."""
+    """As `require_crusher` says of the same crusher, to the least lever that is taken."""
 
     def crusher(toggle):
-        build_linkage({"toggle.length": toggle}).require_assembly(4e-3)
+        require_crusher(build_linkage({"toggle.length": toggle}), 4e-3)
 
     def drawn(toggle):
         joints = {
