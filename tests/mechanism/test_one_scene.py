@@ -131,7 +131,7 @@ def test_any_push_may_be_that_of_a_rough_feed(machine):
     plain = machine("slider-crank", ("wrist",))
     feed = rough_feed(plain.pushes[0], 0.3, 4.0, 7)
     rough = dataclasses.replace(plain, pushes=(feed,), start=Centred())
-    angles = np.linspace(0.0, 12.0, 7)
+    angles = jnp.linspace(0.0, 12.0, 7)
 
     def force(scene, angle):
         state = scene.formulation.initial(scene)
