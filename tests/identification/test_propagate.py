@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.identification import model
 from jaxcrusher.identification.model import What, _seen
+from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits.result import RESULTS, missing
 from tests.identification import by_hand
 
@@ -17,13 +19,14 @@ SIGMAS = {"jaw.mass": 10.0, "shaft.mass_centre_angle": 0.05, "jaw.inertia": 3.0}
 
 
 @pytest.mark.usefixtures("unchecked")  # a curve in place of an orbit
-def test_harmonics_are_over_all_turns_of_a_period():
+def test_harmonics_are_over_all_turns_of_a_period(monkeypatch):
     """Of cos(theta / 2) + 3 cos(theta + 0.4) over two turns; one turn would mix them."""
-
-    def motion(angles, names):
-        return {"force": jnp.cos(angles / 2) + 3 * jnp.cos(angles + 0.4)}
-
-    orbit = SimpleNamespace(period=2, motion=motion, stable=True)
+    angles = 2 * np.pi * jnp.arange(2048.0) / 1024
+    curve = jnp.cos(angles / 2) + 3 * jnp.cos(angles + 0.4)
+    scene = SimpleNamespace(observables={"force": SimpleNamespace(unit="N")})
+    turns = Turns(scene, 2, {"force": curve[None]})
+    monkeypatch.setattr(model, "turns_of", lambda orbit, entries: turns)
+    orbit = SimpleNamespace(scene=scene, stable=True)
     mean, first, second, rms = _seen(orbit, What(("force",), 2, ())).spectra["force"]
     np.testing.assert_allclose([mean, first, second], [0, 3 * np.exp(0.4j), 0], atol=1e-13)
     assert float(abs(rms)) == pytest.approx(np.sqrt((1 + 9) / 2), rel=1e-13)
