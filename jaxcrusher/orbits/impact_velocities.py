@@ -52,8 +52,10 @@ def settled_velocities(scene: AbstractScene, spent: Spent) -> dict[str, Array] |
 
 
 def held(scene: AbstractScene, velocities: dict[str, Array]) -> AbstractScene:
-    """Return the scene whose joints have these constant impact velocities."""
+    """Return the scene whose joints that track their impact velocity have these constant ones."""
     for name, velocity in velocities.items():
+        if scene.joints.at(name).normal.impact_velocity.initial() is None:
+            continue  # the law of a whole bearing of one's own may not be a field of it
         law = ConstantImpactVelocity(jnp.asarray(velocity))
         scene = eqx.tree_at(lambda s, n=name: s.joints[n].normal.impact_velocity, scene, law)
     return scene
