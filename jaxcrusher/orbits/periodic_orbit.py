@@ -91,8 +91,10 @@ def periodic_orbit(
         require(nodes % 2 == 0, "nodes", "be even", nodes)
     is_known = all(primal(leaf) is not None for leaf in jax.tree.leaves(scene))
     # A tracked velocity is held where values are known, at whatever it comes to.
-    somehow_held = held(scene, dict.fromkeys(scene.joints.names, jnp.ones(())))
-    if refused := forced.refusal(somehow_held if is_known else scene):
+    somehow = scene
+    if is_known and forced.tracks(scene):
+        somehow = held(scene, dict.fromkeys(scene.joints.names, jnp.ones(())))
+    if refused := forced.refusal(somehow):
         raise ValueError(f"Argument `scene` must {refused}.")
     # Shooting that is asked for is not bounded, and nodes that are given wait for nothing.
     velocities, spent = None, Spent(effort if method is None else "thorough")
