@@ -9,8 +9,7 @@ from jaxcrusher.basics.checks import require, require_choice, require_within
 from jaxcrusher.crusher.capacity import AFFLUENCE
 from jaxcrusher.files.journal import digest_of
 from jaxcrusher.mechanism.scene import require_clearance
-from jaxcrusher.scenes.build import build_chamber
-from jaxcrusher.scenes.crusher import Crusher
+from jaxcrusher.scenes.build import Crusher, build_chamber
 from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, in_words, key_of, readable

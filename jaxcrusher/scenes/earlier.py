@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.setup import warn_once
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.scenes.crusher import paper_machine
+from jaxcrusher.scenes.build import paper_machine
 from jaxcrusher.scenes.machine import Machine, OwnFunction, machine_of
 
 # A public function, whose types stay those of its new form.

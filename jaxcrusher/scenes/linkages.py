@@ -62,13 +62,13 @@ from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.topology import FRAME, dyads_of, other_body
 from jaxcrusher.scenes.build import drive_of, foundation_of, joint_of
-from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.load_curve import load_curve, read_curve
 from jaxcrusher.scenes.machine import AbstractStructure, Machine
 from jaxcrusher.scenes.own_laws import is_own, law_numbers, require_one_law_each
 from jaxcrusher.scenes.parameters import (
     CHOICES,
     CHOICES_OF_A_JOINT,
+    LAWS,
     NUMBERS_OF_A_JOINT,
     PARAMETERS,
     Parameter,

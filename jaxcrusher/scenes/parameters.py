@@ -25,8 +25,31 @@ from jaxcrusher.basics.checks import (
     require_positive,
     require_within,
 )
+from jaxcrusher.crusher.loads import (
+    AlongJaw,
+    ByAngle,
+    ClosingStroke,
+    CrushingBed,
+    NormalToJaw,
+    along_jaw,
+    normal_to_jaw,
+)
 from jaxcrusher.crusher.machine import LETTERS
-from jaxcrusher.scenes.laws import LAWS
+from jaxcrusher.joint.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
+from jaxcrusher.joint.normal import (
+    ConstantImpactVelocity,
+    Flores,
+    Gonthier,
+    HuGuo,
+    HuntCrossley,
+    LankaraniNikravesh,
+    TrackedImpactVelocity,
+    ZhiyingQishao,
+)
+from jaxcrusher.joint.rollers import RollerBearing
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.multiplier import MultiplierFormulation
+from jaxcrusher.mechanism.starts import Centred, InContact
 
 Value = ArrayLike | str
 
@@ -245,6 +268,37 @@ MOMENTS = {
     )
     for where in ("along", "across")
 }
+
+# Name of a choice -> name of a law or a method, the paper's first -> its class, or the function
+# that it stands for.
+_LAWS: dict[str, dict[str, Any]] = {
+    "start": {"centred": Centred, "contact": InContact},
+    "slip": {"centre": CentreSlip, "surface": SurfaceSlip},
+    "load_law": {
+        "along_jaw": AlongJaw,
+        "normal_to_jaw": NormalToJaw,
+        "closing_stroke": ClosingStroke,
+        "by_angle": ByAngle,
+        "chamber": CrushingBed,
+        "none": None,
+    },
+    "load_direction": {"normal_to_jaw": normal_to_jaw, "along_jaw": along_jaw},
+    "contact_law": {
+        "lankarani_nikravesh": LankaraniNikravesh,
+        "hunt_crossley": HuntCrossley,
+        "flores": Flores,
+        "gonthier": Gonthier,
+        "zhiying_qishao": ZhiyingQishao,
+        "hu_guo": HuGuo,
+        "rollers": RollerBearing,
+    },
+    "friction_law": {"ambrosio": AmbrosioFriction},
+    "impact_law": {"constant": ConstantImpactVelocity, "tracked": TrackedImpactVelocity},
+    "formulation": {"eccentricity": EccentricityFormulation, "multiplier": MultiplierFormulation},
+}
+LAWS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {name: MappingProxyType(laws) for name, laws in _LAWS.items()}
+)
 
 # Name -> what may be chosen, the paper's choice first.
 _CHOICES = {

@@ -16,9 +16,9 @@ from jaxcrusher.basics.checks import concrete
 from jaxcrusher.basics.setup import UnusualNumbers, warn_once
 from jaxcrusher.crusher.loads import AbstractConstantLoad
 from jaxcrusher.files.table import digits_apart
-from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
+    LAWS,
     NUMBERS,
     PAPER_CHAMBER,
     WORN_JOINTS,

@@ -29,8 +29,7 @@ from typing import Any
 
 from jaxcrusher.basics.checks import renamed, require, require_choice
 from jaxcrusher.mechanism.scene import AbstractScene, Scene
-from jaxcrusher.scenes.build import build_scene
-from jaxcrusher.scenes.crusher import Crusher
+from jaxcrusher.scenes.build import Crusher, build_scene
 from jaxcrusher.scenes.linkages import drawn
 from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.own_laws import is_own, law_class
