@@ -359,7 +359,7 @@ def _rod(values: Mapping[str, Any], linkage: Linkage) -> Spring | None:
 
 
 def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:
-    """Return the friction of a joint."""
+    """Return the friction of a joint; the speeds of its ramp are the law's own without theirs."""
     name = f"{prefix}friction_law"
     known = {
         "slip": LAWS["slip"][values[f"{prefix}slip"]](),
@@ -368,7 +368,14 @@ def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:
     law = values[name]
     if is_own(name, law):
         return built(name, law, values, **known)
-    return LAWS["friction_law"][law](**known)
+    speeds = (of for of in ("static_speed", "full_speed") if prefix + of in values)
+    ramp = {of: values[prefix + of] for of in speeds}
+    written = [one for one in map(concrete, ramp.values()) if one is not None]
+    if len(written) == 2:
+        static, full = written
+        good = bool((static < full).all())
+        require(good, f"{prefix}static_speed", f"be less than full_speed {full} m/s", static)
+    return LAWS["friction_law"][law](**known, **ramp)
 
 
 def joint_of(values: Mapping[str, Any], prefix: str) -> AbstractBearing:

@@ -47,31 +47,21 @@ def axes_first(verb: Verb) -> Verb:
 
 
 def of_description(verb: Verb) -> Verb:
-    """Let a description of a crusher, as of `jaxcrusher.build_scene`, stand for its machine."""
+    """Let a description of a crusher stand for its machine, and an orbit before the machine."""
+
+    def makes_scenes(one: Any) -> bool:
+        return isinstance(one, Machine | Mapping) or callable(one)
 
     @functools.wraps(verb)
     def called(machine: Any, *args: Any, **settings: Any) -> Any:
-        if isinstance(machine, Mapping):
-            _say(verb, "jaxcrusher.paper_machine(**machine)")
-            machine = paper_machine(**machine)
-        return verb(machine, *args, **settings)
-
-    return cast(Verb, called)
-
-
-def orbit_first(verb: Verb) -> Verb:
-    """Let an orbit stand before its machine, which may be a description of a crusher."""
-
-    @functools.wraps(verb)
-    def called(machine: Any, orbit: Any, *args: Any, **settings: Any) -> Any:
-        turned = isinstance(orbit, Machine | Mapping) or callable(orbit)
-        machine, orbit = (orbit, machine) if turned else (machine, orbit)
-        if isinstance(machine, Mapping):
-            _say(verb, "jaxcrusher.paper_machine(**machine), orbit")
-            machine = paper_machine(**machine)
-        elif turned:
-            _say(verb, "machine, orbit")
-        return verb(machine, orbit, *args, **settings)
+        turned = bool(args) and makes_scenes(args[0]) and not makes_scenes(machine)
+        if turned:
+            machine, args = args[0], (machine, *args[1:])
+        described, rest = isinstance(machine, Mapping), ", orbit" if turned else ""
+        if described or turned:
+            made = "jaxcrusher.paper_machine(**machine)" if described else "machine"
+            _say(verb, f"{made}{rest}")
+        return verb(paper_machine(**machine) if described else machine, *args, **settings)
 
     return cast(Verb, called)
 

@@ -20,8 +20,6 @@ from jaxcrusher.basics.checks import (
     nan_unless,
     primal,
     require,
-    require_choice,
-    require_known,
     require_positive,
     require_within,
 )
@@ -456,26 +454,6 @@ def numbers_of(values: Mapping[str, Any], numbers: Mapping[str, Parameter] = NUM
     """
     none = {*WHOLE, *(() if values.get("load_law") == "chamber" else CHAMBER)}
     return [name for name in numbers if name in values and name not in none]
-
-
-def check_description(
-    values: Mapping[str, Any], numbers: Mapping[str, Parameter] = NUMBERS
-) -> None:
-    """ValueError for an unknown name, a number outside its limits, or an unknown choice.
-
-    Numbers are scalars or arrays; what is known only to `jax.jit` passes (see `within_limits`).
-    What a file holds is checked when it is read, and where a point is when a sheet is made.
-    """
-    for name, value in values.items():
-        if name in FILES or name.startswith(POINTS):
-            continue
-        refuse_others(name)
-        require(name != "stroke", name, "be a scene file's, or shaft.eccentricity", "given")
-        if name in CHOICES:
-            require_choice(name, value, CHOICES[name])
-            continue
-        require_known(name, (*numbers, *CHOICES, *FILES))
-        check_number(name, value, numbers)
 
 
 def refuse_others(name: str) -> None:

@@ -34,7 +34,7 @@ STANDARD_GRAVITY = 9.80665  # m/s2
 class Ratio:
     """A number that crushers have alike, small and large: where it usually lies, and where it can.
 
-    `ratio` takes the numbers named `of`, in SI units.
+    `ratio` takes the numbers named `of`, in SI units. Without `words` it is called by these names.
     """
 
     of: tuple[str, ...]
@@ -44,11 +44,6 @@ class Ratio:
     words: str = ""
     unit: str = ""
     may_be_zero: bool = False
-
-    @property
-    def title(self) -> str:
-        """Return what it is called: by its words, or as a number, or as one over another."""
-        return self.words or " / ".join(self.of)
 
 
 RATIOS = (
@@ -351,7 +346,8 @@ def _unusual(
         count = digits_apart(ratio, low if ratio < low else high, 3)
         rounded = (float(f"{value:.{count}g}") for value in (ratio, low, high))
         texts = (f"{value:.15g} {rule.unit}".rstrip() for value in rounded)
-        said = "{} is {}, usually {} to {} ({})".format(rule.title, *texts, rule.source)
+        title = rule.words or " / ".join(rule.of)
+        said = "{} is {}, usually {} to {} ({})".format(title, *texts, rule.source)
         yield rule, said, given, least <= ratio <= most
 
 
