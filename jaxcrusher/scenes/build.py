@@ -499,9 +499,10 @@ class Crusher(AbstractStructure):
         return CHOICES
 
     def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values with the eccentricity of a stroke, as `by_stroke` does.
+        """Return a file's values and those over them, with the eccentricity of a stroke.
 
-        An eccentricity or a stroke of `over` stands in the place of either.
+        It is found as `by_stroke` does, and raises as that does. An eccentricity or a stroke of
+        `over` stands in the place of either.
         """
         throws = {"stroke", "shaft.eccentricity"}
         left = throws if throws & over.keys() else ()

@@ -83,7 +83,9 @@ def unnamed(*names: str) -> Callable[[Verb], Verb]:
     def wrapped(verb: Verb) -> Verb:
         @functools.wraps(verb)
         def called(machine: Any, *args: Any, **settings: Any) -> Any:
-            if isinstance(machine, Machine) or _are_names(args, settings):
+            first = args[0] if args else settings.get("name", settings.get("names"))
+            several = first if isinstance(first, tuple) else (first,)
+            if isinstance(machine, Machine) or all(isinstance(one, str) for one in several):
                 return verb(machine, *args, **settings)
             machine_of(machine)  # refuses what is none
             of = settings.pop("name", None)
@@ -95,9 +97,3 @@ def unnamed(*names: str) -> Callable[[Verb], Verb]:
         return cast(Verb, called)
 
     return wrapped
-
-
-def _are_names(args: tuple[Any, ...], settings: Mapping[str, Any]) -> bool:
-    """Return whether a name follows on a machine, or several."""
-    first = args[0] if args else settings.get("name", settings.get("names"))
-    return all(isinstance(one, str) for one in (first if isinstance(first, tuple) else (first,)))

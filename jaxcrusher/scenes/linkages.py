@@ -279,7 +279,10 @@ class Drawing(AbstractStructure):
         return {n: key.of for n, key in self.keys.items() if isinstance(key.of, tuple)}
 
     def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values but for the zeros of points and directions, which are never traced."""
+        """Return a file's values and those over them, without the zeros of points and directions.
+
+        These zeros are never traced.
+        """
         both, places = {**given, **over}, {n for n, key in self.keys.items() if key.shape}
         return {name: value for name, value in both.items() if value != 0 or name not in places}
 

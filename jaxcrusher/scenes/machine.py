@@ -50,10 +50,6 @@ class AbstractStructure(abc.ABC):
         """Return what may be chosen, by name."""
         return {}
 
-    def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values that a file gives and those that stand in the place of some of them."""
-        return {**given, **over}
-
     @property
     def record(self) -> dict[str, str]:
         """Return what besides numbers and choices decides a motion, as results keep it."""

@@ -170,6 +170,7 @@ _PARAMETERS |= {
 # Soil under the block, in place of springs and dampers; a scene has these names only where one of
 # the first two is given. Defaults are judged: sand of middling density.
 _SOIL = ("foundation.soil.shear_modulus", "foundation.soil.shear_wave_speed")
+_SPRINGS = tuple(n for n in _PARAMETERS if n.endswith(("_stiffness", "_damping")))
 _PARAMETERS |= {
     "foundation.soil.shear_modulus": Parameter(6e7, "Pa", "of the soil; or its wave speed"),
     "foundation.soil.shear_wave_speed": Parameter(180.0, "m/s", "of the soil; or its modulus"),
@@ -395,21 +396,13 @@ PE250X400 = {name: value for name, value in _DEFAULTS.items() if not openers(nam
 PAPER_CHAMBER = {name: parameter.default for name, parameter in CHAMBER.items()}
 
 
-def _replaced(names: Iterable[str]) -> set[str]:
-    """Return the springs and dampers in whose place a description with these names has soil."""
-    if not any(name in _SOIL for name in names):
-        return set()
-    sides, kinds = ("horizontal", "vertical", "rocking"), ("stiffness", "damping")
-    return {f"foundation.{side}_{kind}" for side in sides for kind in kinds}
-
-
 def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     """A description with the default of every name that it lacks, if one of its `openers` is there.
 
     Raises ValueError for a name without any of its openers, as of B, C or O without its clearance,
     and for springs and dampers beside the soil that stands in their place.
     """
-    instead = _replaced(values)
+    instead = _SPRINGS if any(name in _SOIL for name in values) else ()
     for name in values:
         require(name not in instead, name, "not stand beside `foundation.soil`", "given")
     left = {name: value for name, value in _DEFAULTS.items() if name not in instead}

@@ -314,14 +314,6 @@ def rules_of_joint(prefix: str) -> list[Ratio]:
     return [replace(rule, of=tuple(prefix + n for n in rule.of)) for rule in (_JOINT, *shared)]
 
 
-def _unused(values: Mapping[str, Any]) -> set[str]:
-    """Return the numbers of a description that its motion is not made of: nobody means them."""
-    load = concrete(values["load"])
-    without = not has_constant_load(values) or (load is not None and not np.any(load))
-    ideal = values["joint"] == "ideal"
-    return ({"load"} if without else set()) | ({"clearance"} if ideal else set())
-
-
 def has_constant_load(values: Mapping[str, Any]) -> bool:
     """Return whether the load is the number `load`; other laws have their own force, or none."""
     law = LAWS["load_law"].get(values.get("load_law", ""), AbstractConstantLoad)
@@ -354,7 +346,10 @@ def _unusual(
 def _of_crusher(values: Mapping[str, Any]) -> tuple[list[Ratio], dict[str, Any]]:
     """Return the ratios of a crusher whose numbers are all used, and its numbers."""
     v = {**PAPER_CHAMBER, **complete(values)}
-    unused = _unused(v)
+    load = concrete(v["load"])
+    without = not has_constant_load(v) or (load is not None and not np.any(load))
+    # What the motion is not made of nobody means.
+    unused = ({"load"} if without else set()) | ({"clearance"} if v["joint"] == "ideal" else set())
     return [rule for rule in RATIOS if not unused & set(rule.of)], v
 
 
