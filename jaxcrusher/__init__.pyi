@@ -23,8 +23,8 @@ from .orbits.orbit_branch import orbit_branch as orbit_branch
 from .orbits.periodic_orbit import periodic_orbit as periodic_orbit
 from .scenes.build import build_scene as build_scene
 from .scenes.build import ideal_scene as ideal_scene
+from .scenes.build import paper_machine as paper_machine
 from .scenes.build import paper_scene as paper_scene
-from .scenes.crusher import paper_machine as paper_machine
 from .scenes.machine import Machine as Machine
 from .scenes.parameters import PARAMETERS as PARAMETERS
 from .scenes.parameters import PE250X400 as PE250X400

@@ -9,12 +9,11 @@ from jaxcrusher.basics.checks import require, require_choice, require_within
 from jaxcrusher.crusher.capacity import AFFLUENCE
 from jaxcrusher.files.journal import digest_of
 from jaxcrusher.mechanism.scene import require_clearance
-from jaxcrusher.scenes.build import build_chamber
-from jaxcrusher.scenes.crusher import Crusher
+from jaxcrusher.scenes.build import Crusher, build_chamber, build_scene
 from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, in_words, key_of, readable
-from jaxcrusher.scenes.reader import kind_of, read_entries, read_scene_file, read_text, scene_of
+from jaxcrusher.scenes.reader import kind_of, naming, read_entries, read_scene_file, read_text
 from jaxcrusher.scenes.units import units_of
 from optimize.answer import Box, Sought
 from optimize.case import Case
@@ -164,7 +163,8 @@ def _crusher(options: Options) -> Searched:
     # Sets lie about the machine's own numbers, other ranges anywhere.
     lowest = reference | {name: low for name, (low, _) in written.items()}
     corner = described | design.described(lowest)
-    scene = scene_of(corner, options.scene, given=corner)
+    with naming(options.scene, corner):
+        scene = build_scene(corner)
     if "clearance" in free:
         bore = described.get("bore_radius", PE250X400["bore_radius"])
         require_clearance(free["clearance"][1], bore)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxcrusher.scenes.crusher import Crusher
+from jaxcrusher.scenes.build import Crusher
 from jaxcrusher.scenes.linkages import Drawing
 from jaxcrusher.scenes.machine import Machine
 from optimize.completions import CounterweightMoment

@@ -19,7 +19,7 @@ from jaxcrusher.identification.model import (
 from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.scenes.earlier import orbit_first
+from jaxcrusher.scenes.earlier import of_description
 from jaxcrusher.scenes.machine import Machine, machine_of
 
 # What changes a standard deviation by more than this share counts: 500 draws have such an error.
@@ -29,7 +29,7 @@ SAME = 1e-12  # rounding of two ways to one number
 TINY = np.finfo(float).tiny
 
 
-@orbit_first
+@of_description
 def propagate(
     machine: Machine | Callable[..., AbstractScene],
     orbit: PeriodicOrbit,

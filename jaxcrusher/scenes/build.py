@@ -1,10 +1,11 @@
-"""The scene of a description, and its parts.
+"""The scene of a crusher's description with its parts, and a crusher as a machine.
 
 The paper is Wang, Cui, Wang, Appl. Sci. 2023, 13, 238: the PE250x400 of Tables 1 and 2.
 """
 
-import dataclasses
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -22,13 +23,8 @@ from jaxcrusher.basics.checks import (
     require_x64,
 )
 from jaxcrusher.basics.plane import Arm, Vector, arm_to, direction
-from jaxcrusher.crusher.capacity import CrushingChamber, stroke
-from jaxcrusher.crusher.loads import (
-    ByAngle,
-    HalfSineStroke,
-    closing_stroke_of,
-    crushing_bed,
-)
+from jaxcrusher.crusher.capacity import CrushingChamber, stroke, stroke_ratio
+from jaxcrusher.crusher.loads import ByAngle, HalfSineStroke, closing_stroke_of, crushing_bed
 from jaxcrusher.crusher.machine import crusher_linkage, require_crusher, with_counterweight
 from jaxcrusher.crusher.template import CRUSHER
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
@@ -48,21 +44,34 @@ from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import Scene, require_clearance
 from jaxcrusher.mechanism.supports import AbstractFoundation, Clamped, OnSupports, soil_under
 from jaxcrusher.mechanism.topology import FRAME
-from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.load_curve import load_curve
-from jaxcrusher.scenes.own_laws import built, check_described, is_own
+from jaxcrusher.scenes.machine import AbstractStructure, Machine
+from jaxcrusher.scenes.own_laws import built, check_described, is_own, law_numbers
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
+    CHOICES,
+    LAWS,
+    NUMBERS,
     PAPER_CHAMBER,
     PE250X400,
+    POINTS,
+    SITE,
     WORN_JOINTS,
+    Parameter,
     Value,
     check_number,
     complete,
+    openers,
     readable,
     within_limits,
 )
-from jaxcrusher.scenes.plausibility import warn_of_unusual
+from jaxcrusher.scenes.plausibility import (
+    borrowed,
+    has_constant_load,
+    remarks,
+    warn_of_unusual,
+)
+from jaxcrusher.scenes.units import all_said
 
 # What bodies and joints are made of.
 _OF_LINKAGE = [
@@ -346,11 +355,11 @@ def _rod(values: Mapping[str, Any], linkage: Linkage) -> Spring | None:
     rod = Spring(ends, v["stiffness"], 0.0, v["damping"], v["preload"], _SLACK)
     # It has its preload at theta1 = 0 with ideal joints.
     length = rod.stretched(ideal_at_rest(linkage, 0.0)).stretch
-    return dataclasses.replace(rod, length=length)
+    return replace(rod, length=length)
 
 
 def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:
-    """Return the friction of a joint."""
+    """Return the friction of a joint; the speeds of its ramp are the law's own without theirs."""
     name = f"{prefix}friction_law"
     known = {
         "slip": LAWS["slip"][values[f"{prefix}slip"]](),
@@ -359,7 +368,14 @@ def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:
     law = values[name]
     if is_own(name, law):
         return built(name, law, values, **known)
-    return LAWS["friction_law"][law](**known)
+    speeds = (of for of in ("static_speed", "full_speed") if prefix + of in values)
+    ramp = {of: values[prefix + of] for of in speeds}
+    written = [one for one in map(concrete, ramp.values()) if one is not None]
+    if len(written) == 2:
+        static, full = written
+        good = bool((static < full).all())
+        require(good, f"{prefix}static_speed", f"be less than full_speed {full} m/s", static)
+    return LAWS["friction_law"][law](**known, **ramp)
 
 
 def joint_of(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
@@ -455,3 +471,117 @@ def ideal_scene(speed: ArrayLike, **values: Value) -> Scene:
     any other scene is `scene.ideal()`.
     """
     return build_scene({"speed": speed, **values, "joint": "ideal"})
+
+
+@dataclass(frozen=True)
+class Crusher(AbstractStructure):
+    """A single-toggle jaw crusher: what is not given of it is the paper's."""
+
+    def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the values with the paper's in the place of missing ones.
+
+        Raises ValueError as `check_described` and `complete` do.
+        """
+        check_described(values)
+        return complete(values)
+
+    def scene(self, values: Mapping[str, Any]) -> Scene:
+        """Return `build_scene` of the values; raises as that does."""
+        return build_scene(values)
+
+    def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
+        """Return those of `jaxcrusher.scenes.parameters`, and of laws of one's own."""
+        laws = law_numbers(values)
+        return {**NUMBERS, **laws} if laws else NUMBERS
+
+    def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
+        """Return those of `jaxcrusher.scenes.parameters`."""
+        return CHOICES
+
+    def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a file's values and those over them, with the eccentricity of a stroke.
+
+        It is found as `by_stroke` does, and raises as that does. An eccentricity or a stroke of
+        `over` stands in the place of either.
+        """
+        throws = {"stroke", "shaft.eccentricity"}
+        left = throws if throws & over.keys() else ()
+        return by_stroke({n: v for n, v in given.items() if n not in left} | dict(over))
+
+    def unusual(self, values: Mapping[str, Any]) -> list[str]:
+        """Return `remarks`; ValueError as they do, and for a chamber that cannot be."""
+        build_chamber(values)
+        return remarks(values)
+
+    def borrowed(self, given: Mapping[str, Any]) -> list[str]:
+        """Return which numbers of a machine are the PE250x400's."""
+        return borrowed(given)
+
+    def left_open(self, machine: Machine) -> list[str]:
+        """Return which numbers a file leaves to the PE250x400, and whether its load is chosen."""
+        names, told = borrowed(machine.given), []
+        if names:
+            listed = ", ".join(f"{name} {readable(name, NUMBERS[name].default)}" for name in names)
+            told.append(f"leaves {len(names)} numbers to the PE250x400: {listed}.")
+        if "load_law" not in machine.given:
+            told.append(
+                "has no load_law: the load is the paper's, constant along the jaw. Rock presses "
+                'while the jaw closes: load_law = "closing_stroke".'
+            )
+        return told
+
+    def about(self, machine: Machine) -> dict[str, str]:
+        """Return stroke and capacity, loads, masses and foundation, and what is assumed."""
+        values, given = machine.values, machine.given
+
+        def told(*keys: str) -> str:
+            return all_said({key: values[key] for key in keys if key in values}, machine.units)
+
+        constant = ("load",) if has_constant_load(values) else ("load_curve", "load_factor")
+        parts = [key for key in NUMBERS if key.startswith(("foundation.", "rollers."))]
+        assumed = [key for key in (*parts, "load_law", "contact_law") if key not in given]
+        held = [key for key in parts if key in given and key.startswith("foundation.")]
+        return {
+            "crushing": _crushing(values),
+            "loads": told("load_law", *constant, "load_point", "load_edge", "load_scatter"),
+            "masses": told(
+                "shaft.mass", "jaw.mass", "toggle.mass", "counterweight.mass", "frame_mass"
+            ),
+            "foundation": told(*held) or "clamped",
+            "assumed": told(*assumed) or "nothing",
+        }
+
+    def idle(self, values: Mapping[str, Any]) -> set[str]:
+        """Return what the load sheet and the capacity alone need; a bed of rock is a chamber's."""
+        rock = "chamber" in np.atleast_1d(values.get("load_law", ""))
+        points = {name for name in values if name.startswith(POINTS)}
+        return {*SITE, *(() if rock else CHAMBER), *points}
+
+    def beside(
+        self, fixed: Mapping[str, Any], varied: Mapping[str, tuple[Any, ...]]
+    ) -> dict[str, Any]:
+        """Return what every design of a grid has; not what comes with a choice that varies."""
+        chosen = {f"{name}={value}" for name, values in varied.items() for value in values}
+        found = super().beside(fixed, varied)
+        return {n: v for n, v in found.items() if n in fixed or not chosen & {*openers(n)}}
+
+
+def _crushing(values: Mapping[str, Any]) -> str:
+    """Say stroke and capacity of a crusher."""
+    links, capacity = build_linkage(values), build_chamber(values).capacity(values["speed"])
+    return (
+        f"stroke at the discharge {1e3 * float(stroke(links)):.3g} mm horizontally, "
+        f"{float(stroke_ratio(links)):.2f} times that vertically, capacity {float(capacity):.3g} "
+        "m3/h by laminating theory"
+    )
+
+
+def paper_machine(**values: Value | Path) -> Machine:
+    """Return the paper's crusher as a machine, for sweeps, maps, identification and the search.
+
+    `values` are names of `jaxcrusher.PE250X400` and others of `jaxcrusher.build_scene` that are not
+    the paper's, as `start="contact"`; names with a dot go by `**{"jaw.mass": 600.0}`. Raises
+    ValueError in one line as `build_scene` does.
+    """
+    described = {name: str(one) if isinstance(one, Path) else one for name, one in values.items()}
+    return Machine(Crusher()).replace(**described)

@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.setup import warn_once
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.scenes.crusher import paper_machine
+from jaxcrusher.scenes.build import paper_machine
 from jaxcrusher.scenes.machine import Machine, OwnFunction, machine_of
 
 # A public function, whose types stay those of its new form.
@@ -47,31 +47,21 @@ def axes_first(verb: Verb) -> Verb:
 
 
 def of_description(verb: Verb) -> Verb:
-    """Let a description of a crusher, as of `jaxcrusher.build_scene`, stand for its machine."""
+    """Let a description of a crusher stand for its machine, and an orbit before the machine."""
+
+    def makes_scenes(one: Any) -> bool:
+        return isinstance(one, Machine | Mapping) or callable(one)
 
     @functools.wraps(verb)
     def called(machine: Any, *args: Any, **settings: Any) -> Any:
-        if isinstance(machine, Mapping):
-            _say(verb, "jaxcrusher.paper_machine(**machine)")
-            machine = paper_machine(**machine)
-        return verb(machine, *args, **settings)
-
-    return cast(Verb, called)
-
-
-def orbit_first(verb: Verb) -> Verb:
-    """Let an orbit stand before its machine, which may be a description of a crusher."""
-
-    @functools.wraps(verb)
-    def called(machine: Any, orbit: Any, *args: Any, **settings: Any) -> Any:
-        turned = isinstance(orbit, Machine | Mapping) or callable(orbit)
-        machine, orbit = (orbit, machine) if turned else (machine, orbit)
-        if isinstance(machine, Mapping):
-            _say(verb, "jaxcrusher.paper_machine(**machine), orbit")
-            machine = paper_machine(**machine)
-        elif turned:
-            _say(verb, "machine, orbit")
-        return verb(machine, orbit, *args, **settings)
+        turned = bool(args) and makes_scenes(args[0]) and not makes_scenes(machine)
+        if turned:
+            machine, args = args[0], (machine, *args[1:])
+        described, rest = isinstance(machine, Mapping), ", orbit" if turned else ""
+        if described or turned:
+            made = "jaxcrusher.paper_machine(**machine)" if described else "machine"
+            _say(verb, f"{made}{rest}")
+        return verb(paper_machine(**machine) if described else machine, *args, **settings)
 
     return cast(Verb, called)
 
@@ -93,7 +83,9 @@ def unnamed(*names: str) -> Callable[[Verb], Verb]:
     def wrapped(verb: Verb) -> Verb:
         @functools.wraps(verb)
         def called(machine: Any, *args: Any, **settings: Any) -> Any:
-            if isinstance(machine, Machine) or _are_names(args, settings):
+            first = args[0] if args else settings.get("name", settings.get("names"))
+            several = first if isinstance(first, tuple) else (first,)
+            if isinstance(machine, Machine) or all(isinstance(one, str) for one in several):
                 return verb(machine, *args, **settings)
             machine_of(machine)  # refuses what is none
             of = settings.pop("name", None)
@@ -105,9 +97,3 @@ def unnamed(*names: str) -> Callable[[Verb], Verb]:
         return cast(Verb, called)
 
     return wrapped
-
-
-def _are_names(args: tuple[Any, ...], settings: Mapping[str, Any]) -> bool:
-    """Return whether a name follows on a machine, or several."""
-    first = args[0] if args else settings.get("name", settings.get("names"))
-    return all(isinstance(one, str) for one in (first if isinstance(first, tuple) else (first,)))

@@ -44,17 +44,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxcrusher.basics.checks import (
-    concrete,
-    is_concrete,
-    renamed,
-    require,
-    require_choice,
-)
+from jaxcrusher.basics.checks import is_concrete, renamed, require, require_choice
 from jaxcrusher.basics.plane import Arm, Vector
 from jaxcrusher.basics.smooth import norm
-from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
-from jaxcrusher.joint.friction import AmbrosioFriction
 from jaxcrusher.mechanism.acting import AbstractPush, Push, PushByAngle, Spring, rough_feed
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.motion import ideal_at_rest
@@ -62,13 +54,13 @@ from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.topology import FRAME, dyads_of, other_body
 from jaxcrusher.scenes.build import drive_of, foundation_of, joint_of
-from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.load_curve import load_curve, read_curve
 from jaxcrusher.scenes.machine import AbstractStructure, Machine
 from jaxcrusher.scenes.own_laws import is_own, law_numbers, require_one_law_each
 from jaxcrusher.scenes.parameters import (
     CHOICES,
     CHOICES_OF_A_JOINT,
+    LAWS,
     NUMBERS_OF_A_JOINT,
     PARAMETERS,
     Parameter,
@@ -212,13 +204,14 @@ class Drawing(AbstractStructure):
         """
         v = self._within_limits(self.complete(values))
         bearings = {
-            name: _bearing(v, f"joints.{name}.")
+            name: joint_of(v, f"joints.{name}.")
             for name, *_ in self.joints
             if f"joints.{name}.clearance" in v
         }
-        require_closing(self.linkage(v), {name: one.clearance for name, one in bearings.items()})
+        linkage = self.linkage(v)
+        require_closing(linkage, {name: one.clearance for name, one in bearings.items()})
         return Scene(
-            linkage=self.linkage(v),
+            linkage=linkage,
             bearings=Named(bearings),
             drive=drive_of(v),
             pushes=tuple(_push(v, *force) for force in self.forces),
@@ -286,7 +279,10 @@ class Drawing(AbstractStructure):
         return {n: key.of for n, key in self.keys.items() if isinstance(key.of, tuple)}
 
     def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values but for the zeros of points and directions, which are never traced."""
+        """Return a file's values and those over them, without the zeros of points and directions.
+
+        These zeros are never traced.
+        """
         both, places = {**given, **over}, {n for n, key in self.keys.items() if key.shape}
         return {name: value for name, value in both.items() if value != 0 or name not in places}
 
@@ -329,13 +325,9 @@ class Drawing(AbstractStructure):
             at = f"slides.{name}"
             slides[name] = Slide(body, _vector(v, f"{at}.along"), _arm(v, f"{at}.through"))
         gravity = v.get("gravity", PARAMETERS["gravity"].default)
-        parts = Named(bodies), Named(joints), self.crank, self.bearing, self.sides, gravity
+        bearing = next(n for n, *both in self.joints if {self.crank, FRAME} == set(both))
+        parts = Named(bodies), Named(joints), self.crank, bearing, self.sides, gravity
         return Linkage(*parts, slides=Named(slides))
-
-    @property
-    def bearing(self) -> str:
-        """Return the joint of crank and frame."""
-        return next(n for n, *both in self.joints if {self.crank, FRAME} == set(both))
 
 
 def _arm(values: Mapping[str, Any], name: str) -> Arm:
@@ -349,22 +341,6 @@ def _vector(values: Mapping[str, Any], name: str) -> Vector:
 
 def _point(values: Mapping[str, Any], name: str, body: str) -> Point:
     return Point(body, _arm(values, name))
-
-
-def _bearing(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
-    """Return the bearing of a loose joint."""
-    bearing = joint_of(values, prefix)
-    if not isinstance(bearing, ClearanceJoint) or not isinstance(
-        bearing.friction, AmbrosioFriction
-    ):
-        return bearing
-    speeds = {name: values[f"{prefix}{name}"] for name in ("static_speed", "full_speed")}
-    static, full = map(concrete, speeds.values())
-    if static is not None and full is not None:
-        good = bool((static < full).all())
-        require(good, f"{prefix}static_speed", f"be less than full_speed {full} m/s", static)
-    friction = replace(bearing.friction, **speeds)
-    return replace(bearing, friction=friction)
 
 
 def _push(values: Mapping[str, Any], name: str, body: str, curve: tuple | None) -> AbstractPush:
@@ -424,11 +400,8 @@ class _Tables:
                 must = "be named by letters, digits and _, as results and MATLAB's variables are"
                 require(bool(_NAME.fullmatch(item)), f"{section}.{item}", must, repr(item))
 
-    def ties(self, section: str) -> tuple[Any, ...]:
-        """Return each table's name and what ties it: bodies, and of a force the curve's points."""
-        return tuple((item, *self._ties(section, item)) for item in self.items[section])
-
-    def _ties(self, section: str, item: str) -> list[Any]:
+    def ties(self, section: str, item: str) -> tuple[Any, ...]:
+        """Return a table's name and what ties it: bodies, and of a force the curve's points."""
         at, found = f"{section}.{item}", []
         curved = f"{at}.curve" in self.entries
         for word, key in SECTIONS[section].items():
@@ -447,7 +420,7 @@ class _Tables:
                 require(value is None, name, must, "given" if curved else "alone")
         if section in ("joints", "springs"):
             require(found[0] != found[1], at, "join two bodies", f"of {found[0]} alone")
-        return found
+        return item, *found
 
     def placed(self, name: str, key: Key, value: Any) -> list[str]:
         """Leave the two numbers of a pair or a point to be read, and return the point's body."""
@@ -506,7 +479,10 @@ def drawn(
     crank, _ = str(tables.entries.pop("crank", "missing")), tables.entries.pop("kind", None)
     must = f"name the body that the drive turns: {', '.join(bodies)}"
     require(crank in bodies, "crank", must, crank)
-    tied: dict[str, Any] = {section: tables.ties(section) for section in SECTIONS}
+    tied: dict[str, Any] = {
+        section: tuple(tables.ties(section, item) for item in items)
+        for section, items in tables.items.items()
+    }
     joints, slides, forces = tied["joints"], tied["slides"], tied["forces"]
     held = any({crank, FRAME} == {bore, pin} for _, bore, pin in joints)
     require(held, "crank", "have a joint to the frame", f"{crank!r} without one")

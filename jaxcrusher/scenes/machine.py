@@ -46,13 +46,9 @@ class AbstractStructure(abc.ABC):
         The values name laws of one's own, whose numbers are among them.
         """
 
-    @abc.abstractmethod
     def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
         """Return what may be chosen, by name."""
-
-    def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the values that a file gives and those that stand in the place of some of them."""
-        return {**given, **over}
+        return {}
 
     @property
     def record(self) -> dict[str, str]:
@@ -112,10 +108,6 @@ class OwnFunction(AbstractStructure):
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
         """Return those of the package that have these names."""
         return {name: NUMBERS[name] for name in values if name in NUMBERS}
-
-    def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
-        """Return none."""
-        return {}
 
 
 def scene_by(structure: AbstractStructure, values: Mapping[str, Any]) -> AbstractScene:

@@ -17,23 +17,26 @@ import importlib
 import inspect
 import itertools
 import sys
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import equinox as eqx
 import numpy as np
 
-from jaxcrusher.basics.checks import require
+from jaxcrusher.basics.checks import require, require_choice, require_known
 from jaxcrusher.crusher.loads import AbstractLoad
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import AbstractNormalForce
 from jaxcrusher.scenes.parameters import (
+    CHOICES,
     FILES,
     NUMBERS,
+    POINTS,
     Parameter,
-    check_description,
+    check_number,
+    refuse_others,
 )
 from jaxcrusher.scenes.units import size_of
 
@@ -97,14 +100,19 @@ def law_numbers(values: Mapping[str, Any], known: Container[str] = NUMBERS) -> d
     A choice may be a row of several. What is `known` already is left out, as elbow.restitution.
     Raises ValueError as `law_class` does, and for a field whose unit is none of the SI.
     """
-    numbers = {}
+    return {
+        key: _number(key, field, text)
+        for key, field, text in _fields(values)
+        if field.name not in _PARTS and key not in known
+    }
+
+
+def _fields(values: Mapping[str, Any]) -> Iterator[tuple[str, dataclasses.Field, str]]:
+    """Yield the fields of the laws of one's own that are chosen: name, field and law of each."""
     for name, value in values.items():
         for text in value if isinstance(value, tuple | list) else (value,):
             for field in dataclasses.fields(law_class(name, text)) if is_own(name, text) else ():
-                key = f"{_section(name)}.{field.name}"
-                if field.name not in _PARTS and key not in known:
-                    numbers[key] = _number(key, field, text)
-    return numbers
+                yield f"{_section(name)}.{field.name}", field, text
 
 
 def _number(name: str, field: dataclasses.Field, text: str) -> Parameter:
@@ -121,26 +129,34 @@ def _number(name: str, field: dataclasses.Field, text: str) -> Parameter:
 def check_described(values: Mapping[str, Any]) -> Mapping[str, Parameter]:
     """Check a crusher's description, whose laws may be one's own, and return what numbers it knows.
 
-    Raises ValueError as `check_description` does, and for a number that two laws of one joint would
-    take.
+    Numbers are scalars or arrays; what is known only to `jax.jit` passes (see `within_limits`).
+    What a file holds is checked when it is read, and where a point is when a sheet is made. Raises
+    ValueError for an unknown name, a number outside its limits, an unknown choice, and a number
+    that two laws of one joint would take.
     """
     laws = law_numbers(values)
     require_one_law_each(values, laws)
     numbers = {**NUMBERS, **laws} if laws else NUMBERS
-    own = {name: value for name, value in values.items() if not is_own(name, value)}
-    check_description(own, numbers)
+    for name, value in values.items():
+        if name in FILES or name.startswith(POINTS) or is_own(name, value):
+            continue
+        refuse_others(name)
+        require(name != "stroke", name, "be a scene file's, or shaft.eccentricity", "given")
+        if name in CHOICES:
+            require_choice(name, value, CHOICES[name])
+            continue
+        require_known(name, (*numbers, *CHOICES, *FILES))
+        check_number(name, value, numbers)
     return numbers
 
 
 def require_one_law_each(values: Mapping[str, Any], laws: Mapping[str, Parameter]) -> None:
     """Raise ValueError for a number of `law_numbers` that two laws of one joint would take."""
     taken: dict[str, str] = {}
-    for name, text in values.items() if laws else ():
-        for field in dataclasses.fields(law_class(name, text)) if is_own(name, text) else ():
-            key = f"{_section(name)}.{field.name}"
-            other = taken.setdefault(key, text)
-            clash = other != text and key in values and key in laws
-            require(not clash, key, "be a number of one law", f"of {other} and of {text}")
+    for key, _, text in _fields(values) if laws else ():
+        other = taken.setdefault(key, text)
+        clash = other != text and key in values and key in laws
+        require(not clash, key, "be a number of one law", f"of {other} and of {text}")
 
 
 def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> Any:

@@ -20,13 +20,34 @@ from jaxcrusher.basics.checks import (
     nan_unless,
     primal,
     require,
-    require_choice,
-    require_known,
     require_positive,
     require_within,
 )
+from jaxcrusher.crusher.loads import (
+    AlongJaw,
+    ByAngle,
+    ClosingStroke,
+    CrushingBed,
+    NormalToJaw,
+    along_jaw,
+    normal_to_jaw,
+)
 from jaxcrusher.crusher.machine import LETTERS
-from jaxcrusher.scenes.laws import LAWS
+from jaxcrusher.joint.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
+from jaxcrusher.joint.normal import (
+    ConstantImpactVelocity,
+    Flores,
+    Gonthier,
+    HuGuo,
+    HuntCrossley,
+    LankaraniNikravesh,
+    TrackedImpactVelocity,
+    ZhiyingQishao,
+)
+from jaxcrusher.joint.rollers import RollerBearing
+from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
+from jaxcrusher.mechanism.multiplier import MultiplierFormulation
+from jaxcrusher.mechanism.starts import Centred, InContact
 
 Value = ArrayLike | str
 
@@ -149,6 +170,7 @@ _PARAMETERS |= {
 # Soil under the block, in place of springs and dampers; a scene has these names only where one of
 # the first two is given. Defaults are judged: sand of middling density.
 _SOIL = ("foundation.soil.shear_modulus", "foundation.soil.shear_wave_speed")
+_SPRINGS = tuple(n for n in _PARAMETERS if n.endswith(("_stiffness", "_damping")))
 _PARAMETERS |= {
     "foundation.soil.shear_modulus": Parameter(6e7, "Pa", "of the soil; or its wave speed"),
     "foundation.soil.shear_wave_speed": Parameter(180.0, "m/s", "of the soil; or its modulus"),
@@ -245,6 +267,37 @@ MOMENTS = {
     )
     for where in ("along", "across")
 }
+
+# Name of a choice -> name of a law or a method, the paper's first -> its class, or the function
+# that it stands for.
+_LAWS: dict[str, dict[str, Any]] = {
+    "start": {"centred": Centred, "contact": InContact},
+    "slip": {"centre": CentreSlip, "surface": SurfaceSlip},
+    "load_law": {
+        "along_jaw": AlongJaw,
+        "normal_to_jaw": NormalToJaw,
+        "closing_stroke": ClosingStroke,
+        "by_angle": ByAngle,
+        "chamber": CrushingBed,
+        "none": None,
+    },
+    "load_direction": {"normal_to_jaw": normal_to_jaw, "along_jaw": along_jaw},
+    "contact_law": {
+        "lankarani_nikravesh": LankaraniNikravesh,
+        "hunt_crossley": HuntCrossley,
+        "flores": Flores,
+        "gonthier": Gonthier,
+        "zhiying_qishao": ZhiyingQishao,
+        "hu_guo": HuGuo,
+        "rollers": RollerBearing,
+    },
+    "friction_law": {"ambrosio": AmbrosioFriction},
+    "impact_law": {"constant": ConstantImpactVelocity, "tracked": TrackedImpactVelocity},
+    "formulation": {"eccentricity": EccentricityFormulation, "multiplier": MultiplierFormulation},
+}
+LAWS: Mapping[str, Mapping[str, Any]] = MappingProxyType(
+    {name: MappingProxyType(laws) for name, laws in _LAWS.items()}
+)
 
 # Name -> what may be chosen, the paper's choice first.
 _CHOICES = {
@@ -343,21 +396,13 @@ PE250X400 = {name: value for name, value in _DEFAULTS.items() if not openers(nam
 PAPER_CHAMBER = {name: parameter.default for name, parameter in CHAMBER.items()}
 
 
-def _replaced(names: Iterable[str]) -> set[str]:
-    """Return the springs and dampers in whose place a description with these names has soil."""
-    if not any(name in _SOIL for name in names):
-        return set()
-    sides, kinds = ("horizontal", "vertical", "rocking"), ("stiffness", "damping")
-    return {f"foundation.{side}_{kind}" for side in sides for kind in kinds}
-
-
 def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     """A description with the default of every name that it lacks, if one of its `openers` is there.
 
     Raises ValueError for a name without any of its openers, as of B, C or O without its clearance,
     and for springs and dampers beside the soil that stands in their place.
     """
-    instead = _replaced(values)
+    instead = _SPRINGS if any(name in _SOIL for name in values) else ()
     for name in values:
         require(name not in instead, name, "not stand beside `foundation.soil`", "given")
     left = {name: value for name, value in _DEFAULTS.items() if name not in instead}
@@ -402,26 +447,6 @@ def numbers_of(values: Mapping[str, Any], numbers: Mapping[str, Parameter] = NUM
     """
     none = {*WHOLE, *(() if values.get("load_law") == "chamber" else CHAMBER)}
     return [name for name in numbers if name in values and name not in none]
-
-
-def check_description(
-    values: Mapping[str, Any], numbers: Mapping[str, Parameter] = NUMBERS
-) -> None:
-    """ValueError for an unknown name, a number outside its limits, or an unknown choice.
-
-    Numbers are scalars or arrays; what is known only to `jax.jit` passes (see `within_limits`).
-    What a file holds is checked when it is read, and where a point is when a sheet is made.
-    """
-    for name, value in values.items():
-        if name in FILES or name.startswith(POINTS):
-            continue
-        refuse_others(name)
-        require(name != "stroke", name, "be a scene file's, or shaft.eccentricity", "given")
-        if name in CHOICES:
-            require_choice(name, value, CHOICES[name])
-            continue
-        require_known(name, (*numbers, *CHOICES, *FILES))
-        check_number(name, value, numbers)
 
 
 def refuse_others(name: str) -> None:

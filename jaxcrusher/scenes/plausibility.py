@@ -16,9 +16,9 @@ from jaxcrusher.basics.checks import concrete
 from jaxcrusher.basics.setup import UnusualNumbers, warn_once
 from jaxcrusher.crusher.loads import AbstractConstantLoad
 from jaxcrusher.files.table import digits_apart
-from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
+    LAWS,
     NUMBERS,
     PAPER_CHAMBER,
     WORN_JOINTS,
@@ -34,7 +34,7 @@ STANDARD_GRAVITY = 9.80665  # m/s2
 class Ratio:
     """A number that crushers have alike, small and large: where it usually lies, and where it can.
 
-    `ratio` takes the numbers named `of`, in SI units.
+    `ratio` takes the numbers named `of`, in SI units. Without `words` it is called by these names.
     """
 
     of: tuple[str, ...]
@@ -44,11 +44,6 @@ class Ratio:
     words: str = ""
     unit: str = ""
     may_be_zero: bool = False
-
-    @property
-    def title(self) -> str:
-        """Return what it is called: by its words, or as a number, or as one over another."""
-        return self.words or " / ".join(self.of)
 
 
 RATIOS = (
@@ -319,14 +314,6 @@ def rules_of_joint(prefix: str) -> list[Ratio]:
     return [replace(rule, of=tuple(prefix + n for n in rule.of)) for rule in (_JOINT, *shared)]
 
 
-def _unused(values: Mapping[str, Any]) -> set[str]:
-    """Return the numbers of a description that its motion is not made of: nobody means them."""
-    load = concrete(values["load"])
-    without = not has_constant_load(values) or (load is not None and not np.any(load))
-    ideal = values["joint"] == "ideal"
-    return ({"load"} if without else set()) | ({"clearance"} if ideal else set())
-
-
 def has_constant_load(values: Mapping[str, Any]) -> bool:
     """Return whether the load is the number `load`; other laws have their own force, or none."""
     law = LAWS["load_law"].get(values.get("load_law", ""), AbstractConstantLoad)
@@ -351,14 +338,18 @@ def _unusual(
         count = digits_apart(ratio, low if ratio < low else high, 3)
         rounded = (float(f"{value:.{count}g}") for value in (ratio, low, high))
         texts = (f"{value:.15g} {rule.unit}".rstrip() for value in rounded)
-        said = "{} is {}, usually {} to {} ({})".format(rule.title, *texts, rule.source)
+        title = rule.words or " / ".join(rule.of)
+        said = "{} is {}, usually {} to {} ({})".format(title, *texts, rule.source)
         yield rule, said, given, least <= ratio <= most
 
 
 def _of_crusher(values: Mapping[str, Any]) -> tuple[list[Ratio], dict[str, Any]]:
     """Return the ratios of a crusher whose numbers are all used, and its numbers."""
     v = {**PAPER_CHAMBER, **complete(values)}
-    unused = _unused(v)
+    load = concrete(v["load"])
+    without = not has_constant_load(v) or (load is not None and not np.any(load))
+    # What the motion is not made of nobody means.
+    unused = ({"load"} if without else set()) | ({"clearance"} if v["joint"] == "ideal" else set())
     return [rule for rule in RATIOS if not unused & set(rule.of)], v
 
 

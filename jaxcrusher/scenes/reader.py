@@ -28,9 +28,8 @@ from pathlib import Path
 from typing import Any
 
 from jaxcrusher.basics.checks import renamed, require, require_choice
-from jaxcrusher.mechanism.scene import AbstractScene, Scene
-from jaxcrusher.scenes.build import build_scene
-from jaxcrusher.scenes.crusher import Crusher
+from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.scenes.build import Crusher
 from jaxcrusher.scenes.linkages import drawn
 from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.own_laws import is_own, law_class
@@ -357,12 +356,6 @@ def flattened(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, An
             yield name, value
         elif value != {}:
             raise ValueError(f"Argument `{name}` must be a table [{name}], but is {value!r}.")
-
-
-def scene_of(values: Mapping[str, Any], path: Path | None, given: Iterable[str] = ()) -> Scene:
-    """Return `build_scene`, with refusals as `naming` makes them."""
-    with naming(path, given):
-        return build_scene(values)
 
 
 @contextmanager

@@ -27,7 +27,7 @@ from jaxcrusher.batch.sweep import columns_of_row, plan
 from jaxcrusher.crusher.template import STATISTIC, STATISTICS
 from jaxcrusher.files.table import Column
 from jaxcrusher.mechanism.reductions import chosen
-from jaxcrusher.scenes.crusher import Crusher
+from jaxcrusher.scenes.build import Crusher
 
 # The store alone is filled with made-up numbers: no JAX in it, so that it can be killed often.
 AXES_OF_NUMBERS = {"speed": (28.0, 30.0, 33.0), "clearance": (4e-5, 6e-5)}

@@ -6,7 +6,7 @@ import pytest
 from jaxcrusher.commands.identify import draw
 from jaxcrusher.identification.identify import identify
 from jaxcrusher.identification.measurements import Measurement
-from jaxcrusher.scenes.crusher import paper_machine
+from jaxcrusher.scenes.build import paper_machine
 from tests.identification import by_hand
 
 MACHINE = paper_machine(**by_hand.CRUSHER)

@@ -11,8 +11,8 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.joint.friction import SurfaceSlip
 from jaxcrusher.scenes import parameters
-from jaxcrusher.scenes.laws import LAWS
 from jaxcrusher.scenes.own_laws import with_digests
+from jaxcrusher.scenes.parameters import LAWS
 from jaxcrusher.scenes.reader import read_overrides, read_scene_file
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

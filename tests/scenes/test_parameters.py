@@ -14,11 +14,11 @@ from jaxcrusher.crusher.machine import with_counterweight
 from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.scenes.build import build_chamber, build_linkage
+from jaxcrusher.scenes.own_laws import check_described
 from jaxcrusher.scenes.parameters import (
     CHOICES,
     PARAMETERS,
     WORN_JOINTS,
-    check_description,
     numbers_of,
     openers,
     within_limits,
@@ -156,7 +156,7 @@ def test_counterweight_is_a_point_mass():
 )
 def test_bad_descriptions(values, words):
     with pytest.raises(ValueError, match=re.escape(words)):
-        check_description(values)
+        check_described(values)
 
 
 def test_a_traced_number_is_nan_outside_its_limits_alone():

@@ -186,7 +186,7 @@ def test_an_ideal_joint_has_no_clearance_to_look_at():
 def test_ranges_lie_in_each_other():
     for one in RATIOS:
         least, low, high, most = one.limits
-        assert least <= low < high <= most, one.title
+        assert least <= low < high <= most, one.of
         assert all(name in NUMBERS for name in one.of)
 
 
@@ -200,7 +200,7 @@ def test_a_number_of_its_own_is_told_in_the_unit_that_it_names():
         units = (re.sub(r"([sm])(\d)", r"\1**\2", text) for text in (number.unit, one.unit))
         given, wanted = map(registry.Unit, units)
         expected = registry.Quantity(number.default, given).to(wanted).magnitude
-        assert one.ratio(number.default) == pytest.approx(expected, rel=1e-14), one.title
+        assert one.ratio(number.default) == pytest.approx(expected, rel=1e-14), one.of
 
 
 def test_readable_units():
