@@ -65,8 +65,7 @@ def run(options: Bearing, console: Console) -> int:
     scenes = [machine.scene(**design) for design in designs]
     first, *_ = bearings_of(scenes[0], options.joint)
     numbers = {name: getattr(options, name) for name in ("settle", "turns", "seconds")}
-    numbers |= {"joint": first, **machine.structure.record}
-    settings = settings_of("bearing", values, over=axes, **numbers)
+    settings = settings_of("bearing", machine, over=axes, joint=first, **numbers)
     folder = begin_beside(options.results.folder, settings, "bearing.csv")
 
     def ended(cases: Sequence[tuple[str, AbstractScene]]) -> dict[int, tuple[str, Turns]]:

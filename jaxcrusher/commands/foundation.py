@@ -87,11 +87,8 @@ def run(options: Foundation, console: Console) -> int:
     low, high = _speeds(options, float(values["speed"]))
     numbers = {name: getattr(options, name) for name in ("orders", "points", "settle", "turns")}
     told = {"site": asdict(site), "speeds": [low, high], "seconds": options.seconds}
-    folder = begin_beside(
-        options.results.folder,
-        settings_of("foundation", values, **numbers, **told, **found.structure.record),
-        *FILES,
-    )
+    settings = settings_of("foundation", found, **numbers, **told)
+    folder = begin_beside(options.results.folder, settings, *FILES)
     with stages(console, "ideal joints"):
         orbit = jc.periodic_orbit(quiet(scene))
         require(bool(orbit.success), "scene", "have an orbit with ideal joints", orbit.failure)

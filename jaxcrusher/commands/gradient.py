@@ -34,7 +34,7 @@ def run(options: Gradient, console: Console) -> int:
     asked = {"metric": metric, "by": by} | {name: getattr(options, name) for name in names}
     values, unit = found.values, found.scene().statistics[metric].unit
     units = {name: unit_of(name, found.units)[0] for name in by}
-    settings = settings_of("gradient", values, **asked, units=units, **found.structure.record)
+    settings = settings_of("gradient", found, **asked, units=units)
     path = options.results.folder / "gradient.json"
     keep_beside(options.results.folder / SETTINGS, settings, path.name)
     kept = restored(path, settings)

@@ -56,7 +56,10 @@ def run(options: Regimes, console: Console) -> int:
     require(moving, "design", "have clearance to move in", "ideal")
     for design in designs:
         found.replace(**design).unusual()
-    settings = _settings(options, values, list(designs[0])) | found.structure.record
+    varied, fixed = list(designs[0]), {"versions": versions()}
+    fixed |= {n: getattr(options, n) for n in ("settle", "turns", "tangent_turns", "rtol")}
+    settings = settings_of("regimes", found, varied=varied, **fixed)
+    settings["scene"] = {n: value for n, value in settings["scene"].items() if n not in varied}
     folder = results_folder(options.results.folder)
     keep_beside(folder / "regimes.json", settings, "regimes.nc")
     kept = earlier(folder / "regimes.json", settings, "name")
@@ -113,13 +116,6 @@ def read_designs(options: Regimes, found: Machine) -> list[dict[str, Any]]:
     for design in designs:
         require(list(design) == list(designs[0]), "design", must, ", ".join(design))
     return designs
-
-
-def _settings(options: Regimes, values: dict[str, Any], varied: list[str]) -> dict[str, Any]:
-    """Everything that decides the rows besides their designs."""
-    fixed = {name: value for name, value in values.items() if name not in varied}
-    numbers = {n: getattr(options, n) for n in ("settle", "turns", "tangent_turns", "rtol")}
-    return settings_of("regimes", fixed, varied=varied, **numbers, versions=versions())
 
 
 def dataset(

@@ -61,7 +61,7 @@ def run(options: Simulate, console: Console) -> int:
     require_whole("samples", options.samples, 2)
     require_tolerance(options.rtol)
     numbers = {"turns": span, "settle": settle, "samples": options.samples, "rtol": options.rtol}
-    settings = settings_of("simulate", values, **numbers, **found.structure.record)
+    settings = settings_of("simulate", found, **numbers)
     asked = {"motion.csv": options.csv, "motion.mat": options.mat}
     written = "motion.nc", *(name for name, wanted in asked.items() if wanted), "motion.png"
     folder = begin_beside(options.results.folder, settings, *written, spared=asked)
