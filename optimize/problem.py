@@ -199,7 +199,12 @@ def _crusher(options: Options) -> Searched:
     if "clearance" in free:
         bore = described.get("bore_radius", PE250X400["bore_radius"])
         require_clearance(free["clearance"][1], bore)
-    chamber, floor = build_chamber(described), _floor(options, described, free)
+    chamber, floor = build_chamber(described), options.capacity_floor
+    if floor is None:
+        # The greatest, which is that at the lowest speed of the box (25 rad/s in the paper), over
+        # the factor of affluence; m3/h.
+        slowest = free.get("speed", (described.get("speed", PE250X400["speed"]),))[0]
+        floor = float(chamber.capacity(slowest)) / AFFLUENCE
     return Searched(machine, design, scene, chamber, floor, reference, compared_with)
 
 
@@ -381,14 +386,3 @@ def _reference(
         f"{in_words(name)} {readable(name, value)}" for name, value in (others | assumed).items()
     ]
     return values, f"{title} with {' and '.join(told)}" if told else title
-
-
-def _floor(options: Options, described: dict[str, Any], free: Bounds) -> float:
-    """Return the least capacity, m3/h: the greatest over the factor of affluence.
-
-    The greatest is that at the lowest speed of the box, which is 25 rad/s in the paper.
-    """
-    if options.capacity_floor is not None:
-        return options.capacity_floor
-    slowest = free.get("speed", (described.get("speed", PE250X400["speed"]),))[0]
-    return float(build_chamber(described).capacity(slowest)) / AFFLUENCE

@@ -136,7 +136,10 @@ def run(options: Foundation, console: Console) -> int:
     for name, text in head.items():
         console.print(f"{name}: {text}")
     for part, lines in grids(rows).items():
-        console.print(table(part, lines), soft_wrap=False)
+        shown = Table(title=part, title_justify="left", box=None, show_header=False)
+        for line in lines:
+            shown.add_row(*line)
+        console.print(shown, soft_wrap=False)
     console.print(f"{SIGNS} {FACTOR}")
     if scene.supports is None:
         console.print("The frame is clamped: foundation.mass puts it on supports.")
@@ -273,9 +276,7 @@ def draw(
 
 def _number(value: float | str, least: float) -> str:
     """Return a number with four digits, and zero for one below the least."""
-    if isinstance(value, str):
-        return value
-    return digits(_seen(value, least))
+    return value if isinstance(value, str) else digits(_seen(value, least))
 
 
 def _seen(value: float, least: float) -> float:
@@ -330,14 +331,6 @@ def grids(rows: Sequence[Row]) -> dict[str, list[tuple[str, ...]]]:
             lines.append((name, unit, *amounts, remarks))
         found[part] = lines
     return found
-
-
-def table(part: str, lines: Sequence[tuple[str, ...]]) -> Table:
-    """Return a part of the sheet for the screen."""
-    shown = Table(title=part, title_justify="left", box=None, show_header=False)
-    for line in lines:
-        shown.add_row(*line)
-    return shown
 
 
 def page(scene: AbstractScene, rows: Sequence[Row], head: dict[str, str], picture: str) -> str:

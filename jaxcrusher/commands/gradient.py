@@ -99,12 +99,7 @@ def shown(report: GradientReport, units: dict[str, str]) -> GradientReport:
 
 def content(report: GradientReport, of: str, machine: Machine) -> dict[str, Any]:
     """Return a report of a statistic whose unit is `of` as JSON keeps it."""
-    slopes = {}
-    for name, slope in report.slopes.items():
-        slopes[name] = {
-            "units": f"({of})/({machine.numbers[name].unit})",
-            **dataclasses.asdict(slope),
-        }
+    units = {name: f"({of})/({machine.numbers[name].unit})" for name in report.slopes}
     return {
         "metric": report.metric,
         "regime": report.regime.name,
@@ -113,7 +108,10 @@ def content(report: GradientReport, of: str, machine: Machine) -> dict[str, Any]
         "horizon_turns": report.horizon,
         "growth": dict(zip(("value", "standard_error"), map(float, report.growth), strict=True)),
         "usable": report.usable,
-        "slopes": slopes,
+        "slopes": {
+            name: {"units": units[name], **dataclasses.asdict(slope)}
+            for name, slope in report.slopes.items()
+        },
     }
 
 

@@ -26,7 +26,7 @@ from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistics import of_whirl
 from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, SITE, Parameter, key_of
+from jaxcrusher.scenes.parameters import CHAMBER, SITE, Parameter, key_of
 from jaxcrusher.scenes.reader import read_text
 from jaxcrusher.scenes.units import all_said, units_of
 
@@ -123,7 +123,7 @@ def dataset(
     columns: dict[str, Column],
     settings: dict,
     attributes: dict[str, str],
-    numbers: Mapping[str, Parameter] = NUMBERS,
+    numbers: Mapping[str, Parameter],
 ) -> xr.Dataset:
     """Return the rows, with the varied names as coordinates along them."""
     coordinates = {}

@@ -37,7 +37,7 @@ from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.tangents import SLICES, Tangents, changes, combine, tangents
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
-from jaxcrusher.orbits.slopes import OrbitSlopes, orbit_beside, orbit_slopes
+from jaxcrusher.orbits.slopes import orbit_beside, orbit_slopes
 from jaxcrusher.scenes.machine import Machine, machine_of
 from jaxcrusher.scenes.parameters import Parameter
 
@@ -163,8 +163,12 @@ def gradient_report(
     progress("looking for the periodic orbit")
 
     def of_orbit(orbit: PeriodicOrbit, kind: Regime) -> GradientReport:
-        found = orbit_slopes(build, point, metric, radii, orbit)
-        slopes = _judged(names, radii, found, orbit)
+        slopes, multipliers = {}, np.asarray(orbit.multipliers)
+        columns = orbit_slopes(build, point, metric, radii, orbit)
+        for name, radius, *told in zip(names, radii, *columns, strict=True):
+            of, value, error, beside = map(float, (radius, *told))
+            estimates = {"implicit": (value, error), "orbits": (beside, 0.0)}
+            slopes[name] = judge(name, estimates, False, of, growth=0.0, multipliers=multipliers)
         return GradientReport(metric, kind, horizon, _growth_over(horizon, kind), slopes)
 
     beside = orbit_beside(here)
@@ -218,18 +222,6 @@ def gradient_report(
             unsettled=UNSETTLED.get(kind.name, ""),
         )
     return GradientReport(metric, kind, horizon, _growth_over(horizon, kind), slopes)
-
-
-def _judged(
-    names: tuple[str, ...], radii: Float[np.ndarray, " n"], found: OrbitSlopes, orbit: PeriodicOrbit
-) -> dict[str, Slope]:
-    """Return the slopes of an orbit, each with its verdict."""
-    slopes, multipliers = {}, np.asarray(orbit.multipliers)
-    columns = names, radii.tolist(), *(part.tolist() for part in found)
-    for name, radius, value, error, beside in zip(*columns, strict=True):
-        estimates = {"implicit": (value, error), "orbits": (beside, 0.0)}
-        slopes[name] = judge(name, estimates, False, radius, growth=0.0, multipliers=multipliers)
-    return slopes
 
 
 def _regime_of(orbit: PeriodicOrbit) -> Regime:
