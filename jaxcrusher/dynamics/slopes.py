@@ -39,7 +39,6 @@ from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.slopes import orbit_beside, orbit_slopes
 from jaxcrusher.scenes.machine import Machine, machine_of
-from jaxcrusher.scenes.parameters import Parameter
 
 # Regime -> why its slope may not be that of the motion in the end.
 UNSETTLED = {
@@ -151,7 +150,10 @@ def gradient_report(
         require_within(f"parameters[{name!r}]", value, -np.inf, np.inf)
     names, numbers = tuple(parameters), np.array([*parameters.values()], dtype=float)
     known = machine.replace(**parameters).numbers
-    radii = radius * np.array([_scale(n, value, known) for n, value in parameters.items()])
+    must = "have a scale (be one of jaxcrusher.PARAMETERS) or not be 0"
+    for name, value in parameters.items():
+        require(value != 0 or name in known, name, must, value)
+    radii = radius * np.array([abs(of) or known[name].scale for name, of in parameters.items()])
     point = jnp.asarray(numbers)
     make = machine.over(*names)
     here = make(point)
@@ -241,15 +243,6 @@ def _growth_over(turns: int, kind: Regime) -> tuple[float, float]:
     assert kind.exponents is not None
     largest, error = kind.exponents.exponents[0], kind.exponents.errors[0]
     return float(largest) * turns, float(error) * turns
-
-
-def _scale(name: str, value: float, known: Mapping[str, Parameter]) -> float:
-    """Return the scale of a radius: the value, or where that is 0 the parameter's own scale."""
-    if value != 0:
-        return abs(value)
-    must = "have a scale (be one of jaxcrusher.PARAMETERS) or not be 0"
-    require(name in known, name, must, value)
-    return known[name].scale
 
 
 def _growth(along: Tangents) -> float:
