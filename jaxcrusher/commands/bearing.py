@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from jaxcrusher.basics.checks import require_positive
-from jaxcrusher.commands.crushers import (
+from jaxcrusher.commands.machines import (
     bounds,
     read_axes,
     read_machine,

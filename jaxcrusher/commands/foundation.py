@@ -19,7 +19,7 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import renamed, require, require_positive, require_whole
-from jaxcrusher.commands.crushers import borrowed_by, read_machine, settings_of, variants_of
+from jaxcrusher.commands.machines import borrowed_by, read_machine, settings_of, variants_of
 from jaxcrusher.commands.options import Crusher, Foundation
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance

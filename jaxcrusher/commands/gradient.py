@@ -9,7 +9,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
-from jaxcrusher.commands.crushers import read_moving, settings_of
+from jaxcrusher.commands.machines import read_moving, settings_of
 from jaxcrusher.commands.options import Gradient
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.dynamics.slopes import GradientReport

@@ -12,7 +12,7 @@ from rich.console import Console
 from scipy.stats import chi2
 
 from jaxcrusher.basics.checks import require
-from jaxcrusher.commands.crushers import read_machine, settings_of
+from jaxcrusher.commands.machines import read_machine, settings_of
 from jaxcrusher.commands.options import Identify
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance

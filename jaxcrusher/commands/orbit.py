@@ -15,7 +15,7 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require_whole
-from jaxcrusher.commands.crushers import borrowed_by, read_machine, settings_of, write_dataset
+from jaxcrusher.commands.machines import borrowed_by, read_machine, settings_of, write_dataset
 from jaxcrusher.commands.options import Orbit
 from jaxcrusher.files import table as table_of
 from jaxcrusher.files.progress import stages

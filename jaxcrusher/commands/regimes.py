@@ -13,7 +13,7 @@ from rich.markup import escape
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
-from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, settings_of
+from jaxcrusher.commands.machines import bounds, read_axes, read_moving, settings_of
 from jaxcrusher.commands.options import Regimes
 from jaxcrusher.dynamics.regime import LEAST_TURNS, Regime
 from jaxcrusher.files import table

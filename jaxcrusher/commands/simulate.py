@@ -15,7 +15,7 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.commands.crushers import CALLED, read_machine, settings_of, write_dataset
+from jaxcrusher.commands.machines import CALLED, read_machine, settings_of, write_dataset
 from jaxcrusher.commands.options import Simulate
 from jaxcrusher.files import table as table_of
 from jaxcrusher.files.progress import progress

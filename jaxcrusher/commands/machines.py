@@ -1,4 +1,4 @@
-"""The crushers and grids that a command line names, in SI units, and what results are kept by."""
+"""The machines and grids that a command line names, in SI units, and what results are kept by."""
 
 import itertools
 from collections.abc import Mapping
