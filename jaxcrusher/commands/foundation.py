@@ -118,7 +118,7 @@ def run(options: Foundation, console: Console) -> int:
     speeds = np.linspace(low, high, options.points)
     with console.status("run-up"):
         curves = run_up(scene, speeds)
-    head = heading(found, scene, options.crusher, turns)
+    head = heading(found, options.crusher, turns)
     if varied and turns is not None:
         head["equivalent loads"] = varied
         head["knocks"] = knocks(turns, rows, options.orders)
@@ -161,14 +161,12 @@ def site_of(values: dict[str, Any], options: Foundation) -> Site:
     return Site(power, frame, points_of(values), (low, high), options.dynamic_factor, seconds)
 
 
-def heading(
-    found: Machine, scene: AbstractScene, crusher: Crusher, turns: Turns | None
-) -> dict[str, str]:
+def heading(found: Machine, crusher: Crusher, turns: Turns | None) -> dict[str, str]:
     """Return what the sheet is of: machine, joints, loads, masses, and what was assumed."""
     name = "PE250x400" if crusher.scene is None else crusher.scene.stem
     if crusher.overrides:
         name += f" with {', '.join(f'{key} {value}' for key, value in crusher.overrides)}"
-    speed = all_said({"speed": found.values["speed"]}, found.units)
+    speed, scene = all_said({"speed": found.values["speed"]}, found.units), found.scene()
     head = {
         "machine": name,
         "date": datetime.date.today().isoformat(),
