@@ -1,19 +1,27 @@
 """The problem that the options of the search describe: what is free, and what is compared."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from jaxcrusher.basics.checks import require, require_choice, require_within
-from jaxcrusher.crusher.capacity import AFFLUENCE
+from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
 from jaxcrusher.files.journal import digest_of
-from jaxcrusher.mechanism.scene import require_clearance
+from jaxcrusher.mechanism.scene import AbstractScene, require_clearance
 from jaxcrusher.scenes.build import Crusher, build_chamber, build_scene
 from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, in_words, key_of, readable
-from jaxcrusher.scenes.reader import kind_of, naming, read_entries, read_scene_file, read_text
+from jaxcrusher.scenes.reader import (
+    kind_of,
+    naming,
+    read_entries,
+    read_machine,
+    read_scene_file,
+    read_text,
+)
 from jaxcrusher.scenes.units import units_of
 from optimize.answer import Box, Sought
 from optimize.case import Case
@@ -21,11 +29,9 @@ from optimize.completions import CounterweightMoment, EqualStroke
 from optimize.design import Design
 from optimize.landscape import GRID_DIMENSIONS
 from optimize.limits import read_limits
-from optimize.linkages import linkage
 from optimize.objectives import OBJECTIVES, OF_SUPPORTS, Objective, own_objective, plain
 from optimize.options import Effort, Options
-from optimize.searched import Bounds, Searched, ranges, sets, written_bounds
-from optimize.sets import SETS, set_bounds
+from optimize.sets import SETS, SETS_OF, Bounds, ranges, sets, written_bounds
 from optimize.throughput import read_bulk_density
 
 # The paper's choice, Section 5.3.
@@ -42,9 +48,32 @@ KEPT_APART = (
     "limit",
     "bulk_density",
 )
+# Options of a crusher: a linkage has its numbers and laws by --set and --design alone.
+_OF_A_CRUSHER = (
+    "speed",
+    "clearance",
+    "capacity_floor",
+    "bulk_density",
+    "slip",
+    "friction",
+    "load_law",
+    "impact_velocity",
+)
 # What describes sliding steel, which a roller bearing is not, and the laws without a `load`.
 OF_SLIDING = ("friction", "slip", "restitution", "young", "poisson", "impact_velocity")
 WITHOUT_LOAD = ("none", "by_angle", "chamber")
+
+
+class Searched(NamedTuple):
+    """A machine and the box of its designs, as the options of a search describe them."""
+
+    machine: Machine  # as it was given, but for its start
+    design: Design
+    scene: AbstractScene  # of one of the designs
+    chamber: CrushingChamber | None  # None of a linkage that is no crusher
+    capacity_floor: float  # m3/h
+    reference: dict[str, float]  # the free numbers of the design to compare with
+    compared_with: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +100,7 @@ def resolve(options: Options) -> Problem:
     _require_used(options)
     _require_not_set(options)
     bulk_density = read_bulk_density(options.bulk_density)
-    searched = linkage(options) if kind_of(options.scene) == "linkage" else _crusher(options)
+    searched = _linkage(options) if kind_of(options.scene) == "linkage" else _crusher(options)
     machine, design, chamber = searched.machine, searched.design, searched.chamber
     scene, free = searched.scene, dict(design.bounds)
     name = options.objective or ("shaking_rms" if chamber is None else "rms")
@@ -156,9 +185,11 @@ def _crusher(options: Options) -> Searched:
     """Return the crusher that is searched, and its box."""
     described = _description(options)
     machine = Machine(Crusher(), described)
-    free, written = _bounds(options, described), written_bounds(options, machine)
+    free, written = _bounds(options, machine), written_bounds(options, machine)
     _require_felt(options, described, {*written})
-    design = _design(options, machine, free)
+    # A set keeps the stroke of the machine that it begins with.
+    kept_stroke = EqualStroke.of(described) if sets(options) else None
+    design = Design(free, machine, kept_stroke)
     reference, compared_with = _reference(options, described, free)
     # Sets lie about the machine's own numbers, other ranges anywhere.
     lowest = reference | {name: low for name, (low, _) in written.items()}
@@ -168,8 +199,41 @@ def _crusher(options: Options) -> Searched:
     if "clearance" in free:
         bore = described.get("bore_radius", PE250X400["bore_radius"])
         require_clearance(free["clearance"][1], bore)
-    chamber, floor = build_chamber(described), _floor(options, described, free)
+    chamber, floor = build_chamber(described), options.capacity_floor
+    if floor is None:
+        # The greatest, which is that at the lowest speed of the box (25 rad/s in the paper), over
+        # the factor of affluence; m3/h.
+        slowest = free.get("speed", (described.get("speed", PE250X400["speed"]),))[0]
+        floor = float(chamber.capacity(slowest)) / AFFLUENCE
     return Searched(machine, design, scene, chamber, floor, reference, compared_with)
+
+
+def _linkage(options: Options) -> Searched:
+    """Return the linkage of a scene file, with the numbers that lines `--design` free.
+
+    It is compared with the file's own numbers. Raises ValueError of one line for options of a
+    crusher, no line `--design`, a number that the file does not have, and ideal joints.
+    """
+    for name in _OF_A_CRUSHER:
+        value = getattr(options, name)
+        must = "not be given with a linkage, whose numbers --set and --design name"
+        require(value == getattr(Options, name), name, must, value)
+    must = "free a number of a linkage, as in --design joints.B.clearance 0.05mm 0.5mm"
+    require(len(options.design) > 0, "design", must, "missing")
+    found = read_machine(options.scene, options.overrides)
+    # The search tries both starts itself.
+    found = replace(found, given={n: v for n, v in found.given.items() if n != "start"})
+    values, scene, free = found.values, found.scene(), _bounds(options, found)
+    for name, (_, high) in free.items():
+        require(name in found.numbers, "design", "name numbers that the scene file gives", name)
+        found.replace(**{name: high})  # which refuses a number without what it comes with
+        joint, _, key = name.rpartition(".")
+        if key == "clearance":
+            require_clearance(high, values[f"{joint}.bore_radius"], f"{joint}.")
+    require(not scene.is_ideal, "scene", "have a joint with clearance", "ideal joints")
+    design = Design(free, found)
+    reference = {name: float(values.get(name, 0.0)) for name in free}
+    return Searched(found, design, scene, None, 0.0, reference, "scene file's choice")
 
 
 def _check_numbers(options: Options) -> None:
@@ -234,7 +298,7 @@ def _require_felt(options: Options, described: dict[str, Any], free: set[str]) -
         require(not given, name, f"not be given with `{why}`, which does not use it", "given")
 
 
-def _idle(described: dict[str, Any]) -> dict[str, str]:
+def _idle(described: Mapping[str, Any]) -> dict[str, str]:
     """Return numbers that no law of a description uses, and because of which choice."""
     names = "contact_law", "load_law", "impact_law"
     law, idle = {name: described.get(name, PE250X400[name]) for name in names}, {}
@@ -263,23 +327,16 @@ def _require_not_set(options: Options) -> None:
         require(key_of(name) not in CounterweightMoment.inputs, "set", must, name)
 
 
-def _bounds(options: Options, described: dict[str, Any]) -> Bounds:
+def _bounds(options: Options, machine: Machine) -> Bounds:
     """Return the free parameters with their bounds; single ones go before those of sets.
 
     Of sets those are left out that no law uses.
     """
-    found, machine = {}, Machine(Crusher(), described)
+    found, idle = Bounds(), _idle(machine.given)
     for word in sets(options):
-        found |= set_bounds(word, machine)
-    idle = _idle(described)
+        found |= SETS_OF[type(machine.structure)](word, machine)
     left = {name: one for name, one in found.items() if name not in idle}
     return left | written_bounds(options, machine)
-
-
-def _design(options: Options, machine: Machine, free: Bounds) -> Design:
-    """Return the design; a set keeps the stroke of the machine that it begins with."""
-    kept = EqualStroke.of(machine.given) if options.design and sets(options) else None
-    return Design(free, machine, kept)
 
 
 def _description(options: Options) -> dict[str, Any]:
@@ -329,14 +386,3 @@ def _reference(
         f"{in_words(name)} {readable(name, value)}" for name, value in (others | assumed).items()
     ]
     return values, f"{title} with {' and '.join(told)}" if told else title
-
-
-def _floor(options: Options, described: dict[str, Any], free: Bounds) -> float:
-    """Return the least capacity, m3/h: the greatest over the factor of affluence.
-
-    The greatest is that at the lowest speed of the box, which is 25 rad/s in the paper.
-    """
-    if options.capacity_floor is not None:
-        return options.capacity_floor
-    slowest = free.get("speed", (described.get("speed", PE250X400["speed"]),))[0]
-    return float(build_chamber(described).capacity(slowest)) / AFFLUENCE

@@ -1,11 +1,15 @@
-"""Sets of free numbers by one word: `--design balance` and `--design machine`."""
+"""Free numbers by lines `--design`: each with its range, or a set of them by one word."""
 
 import numpy as np
 
+from jaxcrusher.basics.checks import require
 from jaxcrusher.scenes.build import Crusher
 from jaxcrusher.scenes.linkages import Drawing
 from jaxcrusher.scenes.machine import Machine
+from jaxcrusher.scenes.parameters import key_of
+from jaxcrusher.scenes.reader import read_range, require_continuous
 from optimize.completions import CounterweightMoment
+from optimize.options import Options
 
 # Name -> lowest and highest value, in SI units.
 Bounds = dict[str, tuple[float, float]]
@@ -88,6 +92,32 @@ def of_linkage(word: str, machine: Machine) -> Bounds:
 SETS_OF = {Crusher: of_crusher, Drawing: of_linkage}
 
 
-def set_bounds(word: str, machine: Machine) -> Bounds:
-    """Return the free numbers of a set, with their bounds in SI units."""
-    return SETS_OF[type(machine.structure)](word, machine)
+def sets(options: Options) -> list[str]:
+    """Return the sets that lines `--design` name; ValueError for one of neither kind."""
+    for words in options.design:
+        must = f"be NAME LOW HIGH, or one of {', '.join(SETS)}"
+        require(len(words) in (1, 3), "design", must, " ".join(words))
+    return [words[0] for words in options.design if len(words) == 1]
+
+
+def ranges(options: Options) -> list[tuple[str, str, str]]:
+    """Return the ranges of single parameters as they are written."""
+    if not options.design:
+        return [("speed", *options.speed), ("clearance", *options.clearance)]
+    lines = (words for words in options.design if len(words) == 3)
+    return [(name, low, high) for name, low, high in lines]
+
+
+def written_bounds(options: Options, machine: Machine) -> Bounds:
+    """Return the bounds of single parameters of a machine, in SI units.
+
+    Raises ValueError for unknown names, for values without a unit, and for no LOW < HIGH.
+    """
+    found = {}
+    for name, low, high in ranges(options):
+        key = key_of(name)
+        require_continuous("design", key, machine)
+        found[key] = read_range(name, low, high, machine)
+        good = found[key][0] < found[key][1]
+        require(good, name, "have LOW < HIGH", f"{low} {high}")
+    return found

@@ -16,14 +16,7 @@ from jaxcrusher.files.journal import text_of
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene
 from jaxcrusher.scenes.machine import AbstractStructure, Machine, OwnFunction, scene_by
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import (
-    CHOICES,
-    FILES,
-    PARAMETERS,
-    WHOLE,
-    Parameter,
-    check_number,
-)
+from jaxcrusher.scenes.parameters import CHOICES, FILES, PARAMETERS, WHOLE, Parameter, check_number
 
 
 @dataclass(frozen=True)
@@ -199,14 +192,9 @@ def _axis(name: str, values: Any) -> tuple:
         array = _numbers(called, values, 1)
     good = array.ndim == 1 and array.size > 0
     require(good, called, "have shape (n,), n > 0", f"of shape {array.shape}")
-    axis = tuple(map(_text, array.tolist()))
+    axis = tuple(str(one) if isinstance(one, Path) else one for one in array.tolist())
     require(len(set(axis)) == len(axis), called, "hold every value once", values)
     return axis
-
-
-def _text(value: Any) -> Any:
-    """Return a file's name as text, and other values as they are."""
-    return str(value) if isinstance(value, Path) else value
 
 
 def _numbers(called: str, values: Any, dimensions: int) -> np.ndarray:

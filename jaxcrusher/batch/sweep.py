@@ -206,20 +206,14 @@ class Ensemble:
                     kept.write(number, values, record)
                     finished += layout.size(number)
                     report(finished, layout.grid.size)
-            return remarked(kept.dataset())
-
-
-def remarked(found: xr.Dataset) -> xr.Dataset:
-    """Return the table of a sweep with a remark on the designs that have not settled, if any."""
-    unsettled = int((found.success & ~found.settled).sum())
-    if not unsettled:
-        return found
-    remark = (
-        f"{unsettled} of {found.success.size} designs have not settled within their turns: see "
-        "their errors. The start `contact` begins near the motion that a design settles on, and "
-        "`orbit_map` solves for it."
-    )
-    return found.assign_attrs(remark=remark)
+            found = kept.dataset()
+        unsettled = int((found.success & ~found.settled).sum())
+        remark = (
+            f"{unsettled} of {found.success.size} designs have not settled within their turns: see "
+            "their errors. The start `contact` begins near the motion that a design settles on, "
+            "and `orbit_map` solves for it."
+        )
+        return found.assign_attrs(remark=remark) if unsettled else found
 
 
 def _seen(

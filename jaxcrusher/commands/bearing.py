@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from jaxcrusher.basics.checks import require_positive
-from jaxcrusher.commands.crushers import (
+from jaxcrusher.commands.machines import (
     bounds,
     read_axes,
     read_machine,
@@ -65,8 +65,7 @@ def run(options: Bearing, console: Console) -> int:
     scenes = [machine.scene(**design) for design in designs]
     first, *_ = bearings_of(scenes[0], options.joint)
     numbers = {name: getattr(options, name) for name in ("settle", "turns", "seconds")}
-    numbers |= {"joint": first, **machine.structure.record}
-    settings = settings_of("bearing", values, over=axes, **numbers)
+    settings = settings_of("bearing", machine, over=axes, joint=first, **numbers)
     folder = begin_beside(options.results.folder, settings, "bearing.csv")
 
     def ended(cases: Sequence[tuple[str, AbstractScene]]) -> dict[int, tuple[str, Turns]]:

@@ -19,7 +19,7 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import renamed, require, require_positive, require_whole
-from jaxcrusher.commands.crushers import borrowed_by, read_machine, settings_of, variants_of
+from jaxcrusher.commands.machines import borrowed_by, read_machine, settings_of, variants_of
 from jaxcrusher.commands.options import Crusher, Foundation
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
@@ -87,11 +87,8 @@ def run(options: Foundation, console: Console) -> int:
     low, high = _speeds(options, float(values["speed"]))
     numbers = {name: getattr(options, name) for name in ("orders", "points", "settle", "turns")}
     told = {"site": asdict(site), "speeds": [low, high], "seconds": options.seconds}
-    folder = begin_beside(
-        options.results.folder,
-        settings_of("foundation", values, **numbers, **told, **found.structure.record),
-        *FILES,
-    )
+    settings = settings_of("foundation", found, **numbers, **told)
+    folder = begin_beside(options.results.folder, settings, *FILES)
     with stages(console, "ideal joints"):
         orbit = jc.periodic_orbit(quiet(scene))
         require(bool(orbit.success), "scene", "have an orbit with ideal joints", orbit.failure)
@@ -121,7 +118,7 @@ def run(options: Foundation, console: Console) -> int:
     speeds = np.linspace(low, high, options.points)
     with console.status("run-up"):
         curves = run_up(scene, speeds)
-    head = heading(found, scene, options.crusher, turns)
+    head = heading(found, options.crusher, turns)
     if varied and turns is not None:
         head["equivalent loads"] = varied
         head["knocks"] = knocks(turns, rows, options.orders)
@@ -139,7 +136,10 @@ def run(options: Foundation, console: Console) -> int:
     for name, text in head.items():
         console.print(f"{name}: {text}")
     for part, lines in grids(rows).items():
-        console.print(table(part, lines), soft_wrap=False)
+        shown = Table(title=part, title_justify="left", box=None, show_header=False)
+        for line in lines:
+            shown.add_row(*line)
+        console.print(shown, soft_wrap=False)
     console.print(f"{SIGNS} {FACTOR}")
     if scene.supports is None:
         console.print("The frame is clamped: foundation.mass puts it on supports.")
@@ -161,14 +161,12 @@ def site_of(values: dict[str, Any], options: Foundation) -> Site:
     return Site(power, frame, points_of(values), (low, high), options.dynamic_factor, seconds)
 
 
-def heading(
-    found: Machine, scene: AbstractScene, crusher: Crusher, turns: Turns | None
-) -> dict[str, str]:
+def heading(found: Machine, crusher: Crusher, turns: Turns | None) -> dict[str, str]:
     """Return what the sheet is of: machine, joints, loads, masses, and what was assumed."""
     name = "PE250x400" if crusher.scene is None else crusher.scene.stem
     if crusher.overrides:
         name += f" with {', '.join(f'{key} {value}' for key, value in crusher.overrides)}"
-    speed = all_said({"speed": found.values["speed"]}, found.units)
+    speed, scene = all_said({"speed": found.values["speed"]}, found.units), found.scene()
     head = {
         "machine": name,
         "date": datetime.date.today().isoformat(),
@@ -276,9 +274,7 @@ def draw(
 
 def _number(value: float | str, least: float) -> str:
     """Return a number with four digits, and zero for one below the least."""
-    if isinstance(value, str):
-        return value
-    return digits(_seen(value, least))
+    return value if isinstance(value, str) else digits(_seen(value, least))
 
 
 def _seen(value: float, least: float) -> float:
@@ -333,14 +329,6 @@ def grids(rows: Sequence[Row]) -> dict[str, list[tuple[str, ...]]]:
             lines.append((name, unit, *amounts, remarks))
         found[part] = lines
     return found
-
-
-def table(part: str, lines: Sequence[tuple[str, ...]]) -> Table:
-    """Return a part of the sheet for the screen."""
-    shown = Table(title=part, title_justify="left", box=None, show_header=False)
-    for line in lines:
-        shown.add_row(*line)
-    return shown
 
 
 def page(scene: AbstractScene, rows: Sequence[Row], head: dict[str, str], picture: str) -> str:

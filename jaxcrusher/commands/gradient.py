@@ -9,7 +9,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_choice, require_positive, require_whole
-from jaxcrusher.commands.crushers import read_moving, settings_of
+from jaxcrusher.commands.machines import read_moving, settings_of
 from jaxcrusher.commands.options import Gradient
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.dynamics.slopes import GradientReport
@@ -34,7 +34,7 @@ def run(options: Gradient, console: Console) -> int:
     asked = {"metric": metric, "by": by} | {name: getattr(options, name) for name in names}
     values, unit = found.values, found.scene().statistics[metric].unit
     units = {name: unit_of(name, found.units)[0] for name in by}
-    settings = settings_of("gradient", values, **asked, units=units, **found.structure.record)
+    settings = settings_of("gradient", found, **asked, units=units)
     path = options.results.folder / "gradient.json"
     keep_beside(options.results.folder / SETTINGS, settings, path.name)
     kept = restored(path, settings)
@@ -99,12 +99,7 @@ def shown(report: GradientReport, units: dict[str, str]) -> GradientReport:
 
 def content(report: GradientReport, of: str, machine: Machine) -> dict[str, Any]:
     """Return a report of a statistic whose unit is `of` as JSON keeps it."""
-    slopes = {}
-    for name, slope in report.slopes.items():
-        slopes[name] = {
-            "units": f"({of})/({machine.numbers[name].unit})",
-            **dataclasses.asdict(slope),
-        }
+    units = {name: f"({of})/({machine.numbers[name].unit})" for name in report.slopes}
     return {
         "metric": report.metric,
         "regime": report.regime.name,
@@ -113,7 +108,10 @@ def content(report: GradientReport, of: str, machine: Machine) -> dict[str, Any]
         "horizon_turns": report.horizon,
         "growth": dict(zip(("value", "standard_error"), map(float, report.growth), strict=True)),
         "usable": report.usable,
-        "slopes": slopes,
+        "slopes": {
+            name: {"units": units[name], **dataclasses.asdict(slope)}
+            for name, slope in report.slopes.items()
+        },
     }
 
 

@@ -12,7 +12,7 @@ from rich.console import Console
 from scipy.stats import chi2
 
 from jaxcrusher.basics.checks import require
-from jaxcrusher.commands.crushers import read_machine, settings_of
+from jaxcrusher.commands.machines import read_machine, settings_of
 from jaxcrusher.commands.options import Identify
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
@@ -47,10 +47,9 @@ def run(options: Identify, console: Console) -> int:
     measured = taken(options.measured, quantities.unit, options.orders, quantities.phase)
     settings = settings_of(
         "identify",
-        machine.values,
+        machine,
         measured=[asdict(one) for one in measured],
         **{name: getattr(options, name) for name in ("free", "prior", "starts", "noise")},
-        **machine.structure.record,
     )
     folder = begin_beside(options.results.folder, settings, *FILES)
     with stages(console, "solving (the first time a minute, most of it compilation)"):

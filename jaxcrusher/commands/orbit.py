@@ -1,6 +1,6 @@
 """`python -m jaxcrusher orbit`: the periodic orbit, solved for, and its slopes by every number."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,7 @@ from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require_whole
-from jaxcrusher.commands.crushers import (
-    borrowed_by,
-    read_machine,
-    settings_of,
-    write_dataset,
-)
+from jaxcrusher.commands.machines import borrowed_by, read_machine, settings_of, write_dataset
 from jaxcrusher.commands.options import Orbit
 from jaxcrusher.files import table as table_of
 from jaxcrusher.files.progress import stages
@@ -31,7 +26,8 @@ from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.pictures.plots import force_size, pins_and_force
-from jaxcrusher.scenes.parameters import NUMBERS, Parameter, numbers_of
+from jaxcrusher.scenes.machine import Machine
+from jaxcrusher.scenes.parameters import Parameter, numbers_of
 from jaxcrusher.scenes.units import per, said, unit_of
 
 ANGLES = 720  # of the picture, a turn
@@ -48,15 +44,17 @@ ROUGH = "under the mean load: what load_scatter adds is told by jaxcrusher.feed_
 def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
     found = read_machine(options.crusher)
-    values, known = found.values, found.numbers
+    values = found.values
     metrics = tuple(dict.fromkeys((found.scene().leading, "shaking_rms")))
     require_whole("period", options.period, 1)
     asked = {"period": options.period, "effort": options.effort}
-    settings = settings_of("orbit", values, **asked, **found.structure.record)
+    settings = settings_of("orbit", found, **asked)
     matlab = ("orbit.mat",)
     written = "orbit.json", "orbit.csv", *(matlab if options.mat else ()), "orbit.png"
     folder = begin_beside(options.results.folder, settings, *written, spared=matlab)
-    numbers = {name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values, known)}
+    numbers = {
+        name: jnp.asarray(values[name], dtype=float) for name in numbers_of(values, found.numbers)
+    }
 
     @eqx.filter_jit
     def build(numbers: dict[str, Any]) -> AbstractScene:
@@ -78,9 +76,7 @@ def run(options: Orbit, console: Console) -> int:
         return 1
     with stages(console, "differentiating"):
         slopes = slopes_of(lambda n: solve(n, **orbit.alike), numbers, metrics)
-    slopes = {
-        metric: felt(of, float(orbit[metric]), values, known) for metric, of in slopes.items()
-    }
+    slopes = {metric: felt(of, float(orbit[metric]), found) for metric, of in slopes.items()}
     path = folder / "orbit.json"
     write_json(path, provenance("Periodic orbit", scene=values) | content(orbit, slopes))
     seen = history(orbit)
@@ -89,9 +85,9 @@ def run(options: Orbit, console: Console) -> int:
     draw(orbit, folder / "orbit.png")
     for line in summary(orbit):
         console.print(line)
-    units, marked = found.units, borrowed_by(options.crusher, found)
-    console.print(table(orbit, slopes, values, units, marked, known), soft_wrap=False)
-    for line in notes(values, units, marked, slopes, known):
+    marked = borrowed_by(options.crusher, found)
+    console.print(table(orbit, slopes, found, marked), soft_wrap=False)
+    for line in notes(found, marked, slopes):
         console.print(line)
     console.print(listed(folder, written))
     return 0
@@ -178,20 +174,18 @@ def summary(orbit: PeriodicOrbit) -> list[str]:
 def table(
     orbit: PeriodicOrbit,
     slopes: dict[str, dict[str, float]],
-    values: dict[str, Any],
-    units: dict[str, str],
+    machine: Machine,
     marked: Collection[str],
-    known: Mapping[str, Parameter] = NUMBERS,
 ) -> Table:
     """Slopes of both forces by every parameter, in the units given; `marked` ones have a *.
 
     What changes the RMS most in a `step` comes first; what changes neither force is left out.
     """
-    leading, *_ = slopes
+    (leading, *_), values = slopes, machine.values
     rms, shaking = slopes[leading], slopes["shaking_rms"]
     percent = 100 / float(orbit[leading])
     shares = {
-        name: percent * of * step(known[name], values[name])
+        name: percent * of * step(machine.numbers[name], values[name])
         for name, of in rms.items()
         if of or shaking[name]
     }
@@ -202,7 +196,7 @@ def table(
     shown = Table(*headings, box=None, padding=(0, 1, 0, 0), pad_edge=False)
     shown.columns[0].overflow = "fold"  # a key is to be copied whole
     for name in sorted(shares, key=lambda name: -abs(shares[name])):
-        unit, size = unit_of(name, units)
+        unit, size = unit_of(name, machine.units)
         value = f"{values[name] / size:.6g} {unit}".rstrip() + " *" * (name in marked)
         slope = f"{rms[name] * size:.5g} {per('N', unit)}"
         row = name, value, slope, f"{shares[name]:.3g}", f"{shaking[name] * size:.5g}"
@@ -210,18 +204,11 @@ def table(
     return shown
 
 
-def felt(
-    slopes: dict[str, float],
-    force: float,
-    values: dict[str, Any],
-    known: Mapping[str, Parameter] = NUMBERS,
-) -> dict[str, float]:
+def felt(slopes: dict[str, float], force: float, machine: Machine) -> dict[str, float]:
     """Return slopes of a force (N), zero where a `step` changes no digit of it."""
+    steps = {name: step(machine.numbers[name], machine.values[name]) for name in slopes}
     least = np.finfo(float).eps * force
-    return {
-        name: 0.0 if abs(slope) * step(known[name], values[name]) <= least else slope
-        for name, slope in slopes.items()
-    }
+    return {name: 0.0 if abs(of) * steps[name] <= least else of for name, of in slopes.items()}
 
 
 def step(of: Parameter, value: float) -> float:
@@ -232,16 +219,15 @@ def step(of: Parameter, value: float) -> float:
 
 
 def notes(
-    values: dict[str, Any],
-    units: dict[str, str],
-    marked: Collection[str],
-    slopes: dict[str, dict[str, float]],
-    known: Mapping[str, Parameter] = NUMBERS,
+    machine: Machine, marked: Collection[str], slopes: dict[str, dict[str, float]]
 ) -> list[str]:
     """Explain the columns of the table, its marks, and what it leaves out."""
+    values, known = machine.values, machine.numbers
     names = numbers_of(values, known)
     zero = [n for n in names if values[n] == 0 and known[n].unit != "rad"]
-    of_zero = "".join(f", {said(name, step(known[name], 0.0), units)} of {name}" for name in zero)
+    of_zero = "".join(
+        f", {said(name, step(known[name], 0.0), machine.units)} of {name}" for name in zero
+    )
     lines = [f"A step is 1 % of the value, 1 deg of an angle{of_zero}."]
     idle = [name for name in names if not any(of[name] for of in slopes.values())]
     if idle:

@@ -13,7 +13,7 @@ from rich.markup import escape
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
-from jaxcrusher.commands.crushers import bounds, read_axes, read_moving, settings_of
+from jaxcrusher.commands.machines import bounds, read_axes, read_moving, settings_of
 from jaxcrusher.commands.options import Regimes
 from jaxcrusher.dynamics.regime import LEAST_TURNS, Regime
 from jaxcrusher.files import table
@@ -26,7 +26,7 @@ from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistics import of_whirl
 from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, SITE, Parameter, key_of
+from jaxcrusher.scenes.parameters import CHAMBER, SITE, Parameter, key_of
 from jaxcrusher.scenes.reader import read_text
 from jaxcrusher.scenes.units import all_said, units_of
 
@@ -56,7 +56,10 @@ def run(options: Regimes, console: Console) -> int:
     require(moving, "design", "have clearance to move in", "ideal")
     for design in designs:
         found.replace(**design).unusual()
-    settings = _settings(options, values, list(designs[0])) | found.structure.record
+    varied, fixed = list(designs[0]), {"versions": versions()}
+    fixed |= {n: getattr(options, n) for n in ("settle", "turns", "tangent_turns", "rtol")}
+    settings = settings_of("regimes", found, varied=varied, **fixed)
+    settings["scene"] = {n: value for n, value in settings["scene"].items() if n not in varied}
     folder = results_folder(options.results.folder)
     keep_beside(folder / "regimes.json", settings, "regimes.nc")
     kept = earlier(folder / "regimes.json", settings, "name")
@@ -115,19 +118,12 @@ def read_designs(options: Regimes, found: Machine) -> list[dict[str, Any]]:
     return designs
 
 
-def _settings(options: Regimes, values: dict[str, Any], varied: list[str]) -> dict[str, Any]:
-    """Everything that decides the rows besides their designs."""
-    fixed = {name: value for name, value in values.items() if name not in varied}
-    numbers = {n: getattr(options, n) for n in ("settle", "turns", "tangent_turns", "rtol")}
-    return settings_of("regimes", fixed, varied=varied, **numbers, versions=versions())
-
-
 def dataset(
     rows: list[dict],
     columns: dict[str, Column],
     settings: dict,
     attributes: dict[str, str],
-    numbers: Mapping[str, Parameter] = NUMBERS,
+    numbers: Mapping[str, Parameter],
 ) -> xr.Dataset:
     """Return the rows, with the varied names as coordinates along them."""
     coordinates = {}

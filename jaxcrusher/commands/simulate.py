@@ -15,7 +15,7 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.commands.crushers import CALLED, read_machine, settings_of, write_dataset
+from jaxcrusher.commands.machines import CALLED, read_machine, settings_of, write_dataset
 from jaxcrusher.commands.options import Simulate
 from jaxcrusher.files import table as table_of
 from jaxcrusher.files.progress import progress
@@ -61,7 +61,7 @@ def run(options: Simulate, console: Console) -> int:
     require_whole("samples", options.samples, 2)
     require_tolerance(options.rtol)
     numbers = {"turns": span, "settle": settle, "samples": options.samples, "rtol": options.rtol}
-    settings = settings_of("simulate", values, **numbers, **found.structure.record)
+    settings = settings_of("simulate", found, **numbers)
     asked = {"motion.csv": options.csv, "motion.mat": options.mat}
     written = "motion.nc", *(name for name, wanted in asked.items() if wanted), "motion.png"
     folder = begin_beside(options.results.folder, settings, *written, spared=asked)

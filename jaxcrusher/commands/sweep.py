@@ -12,7 +12,7 @@ from rich.console import Console
 
 from jaxcrusher.basics.checks import renamed, require
 from jaxcrusher.batch.sweep import sweep
-from jaxcrusher.commands.crushers import CALLED, bounds, read_axes, read_machine, write_dataset
+from jaxcrusher.commands.machines import CALLED, bounds, read_axes, read_machine, write_dataset
 from jaxcrusher.commands.options import Sweep
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_figure

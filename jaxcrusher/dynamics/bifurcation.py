@@ -99,7 +99,16 @@ def bifurcation(
     of = machine.replace(**{name: numbers[0]}).numbers.get(name)
     unit = units or ("1" if of is None else of.unit)
     leading = columns_of(scenes[0].statistics, (scenes[0].leading,))
-    return _dataset(numbers, rows, leading, name, unit, direction, settle_turns)
+    kept = {key: COLUMNS[key] for key in COORDINATES}
+    kept |= {key: column._replace(dims=("turn",)) for key, column in leading.items()}
+    kept |= {key: COLUMNS[key] for key in FLAGS}
+    columns = {key: np.stack([row[key] for row in rows]) for key in kept}
+    coordinates = {
+        "value": ("value", numbers, {"units": unit, "long_name": name}),
+        "turn": ("turn", settle_turns + 1 + np.arange(turns), {"units": "1"}),
+    }
+    attributes = {"direction": direction, "settle_turns": settle_turns}
+    return dataset(("value",), columns, kept, coordinates, attributes)
 
 
 def _run(
@@ -122,17 +131,3 @@ def _row(found: Section, leading: str, which: list[int], rtol: float) -> dict[st
     row = dict(zip(COORDINATES, states[:, which].T, strict=True)) | {leading: rms}
     flags = zip(FLAGS, (success, whirl, settled, period or 0), strict=True)
     return row | {key: np.asarray(flag) for key, flag in flags}
-
-
-def _dataset(numbers, rows, leading, name, units, direction, settle_turns) -> xr.Dataset:
-    kept = {name: COLUMNS[name] for name in COORDINATES}
-    kept |= {name: column._replace(dims=("turn",)) for name, column in leading.items()}
-    kept |= {name: COLUMNS[name] for name in FLAGS}
-    values = {name: np.stack([row[name] for row in rows]) for name in kept}
-    turns = values["e_x"].shape[1]
-    coordinates = {
-        "value": ("value", numbers, {"units": units, "long_name": name}),
-        "turn": ("turn", settle_turns + 1 + np.arange(turns), {"units": "1"}),
-    }
-    attributes = {"direction": direction, "settle_turns": settle_turns}
-    return dataset(("value",), values, kept, coordinates, attributes)

@@ -24,13 +24,7 @@ from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import AbstractScene, require_scene, require_steady
 from jaxcrusher.mechanism.state import pins_of
 from jaxcrusher.motion.flow import initial_state
-from jaxcrusher.orbits.oscillation import (
-    NEAR,
-    Oscillation,
-    distance,
-    oscillation_about,
-    section_of,
-)
+from jaxcrusher.orbits.oscillation import NEAR, Oscillation, distance, oscillation_about, section_of
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
@@ -172,11 +166,7 @@ def _require_asked(starts: int, spread: float, turns: int, seed: int) -> None:
 
 
 def _shifted(
-    scene: AbstractScene,
-    pins: Int[np.ndarray, " half"],
-    starts: int,
-    spread: float,
-    seed: int,
+    scene: AbstractScene, pins: Int[np.ndarray, " half"], starts: int, spread: float, seed: int
 ) -> Float[np.ndarray, "starts dims"]:
     """Return section points about the scene's start, evenly over a disc at each joint.
 

@@ -181,7 +181,7 @@ class LaneWaits:
         return [self._name(*seen) for seen in zip(known, growth, whirls, strict=True)]
 
     def _whirls(self, which: list[int]) -> Bool[np.ndarray, " some"]:
-        return self._run(_whirls, self._states(which), which)["whirl"]
+        return self._run(_whirls, self._states(which), which)
 
     def _name(self, case: int, growth: float, whirls: bool) -> str:
         if not self.succeeded(case):
@@ -210,7 +210,7 @@ class LaneWaits:
 
     def _turns(self, states: np.ndarray, which: list[int], turns: int) -> np.ndarray:
         """Return where some turns lead from section points of cases, exactly."""
-        return self._run(eqx.Partial(_after, turns=turns), states, which)["state"]
+        return self._run(eqx.Partial(_after, turns=turns), states, which)
 
     def one_period(
         self, which: Int[np.ndarray, " some"], states: np.ndarray, period: int
@@ -220,10 +220,9 @@ class LaneWaits:
         With it comes where every pin keeps contact.
         """
         known = which.tolist()
-        found = self._run(eqx.Partial(_one_period, period=period), states, known)
-        orbits = found["orbit"]
-        kept = np.all(np.linalg.norm(pins(orbits), axis=3) > 1, axis=(1, 2)) & found["success"]
-        return np.where(found["success"][:, None, None], orbits, np.nan), kept
+        orbits, success = self._run(eqx.Partial(_one_period, period=period), states, known)
+        kept = np.all(np.linalg.norm(pins(orbits), axis=3) > 1, axis=(1, 2)) & success
+        return np.where(success[:, None, None], orbits, np.nan), kept
 
     def _run(
         self,
@@ -251,17 +250,14 @@ def _on(case: SceneAt) -> dict[str, Array]:
     return {"states": points, "success": outcome.success, **by_turn}
 
 
-def _after(case: SceneAt, turns: int) -> dict[str, Array]:
-    return {"state": section_points(case, turns=turns, rtol=FINE)[0][-1]}
+def _after(case: SceneAt, turns: int) -> Array:
+    return section_points(case, turns=turns, rtol=FINE)[0][-1]
 
 
-def _one_period(case: SceneAt, period: int) -> dict[str, Array]:
-    orbit, success = one_period(case, period=period)
-    return {"orbit": orbit, "success": success}
+def _one_period(case: SceneAt, period: int) -> tuple[Array, Array]:
+    return one_period(case, period=period)
 
 
-def _whirls(case: SceneAt) -> dict[str, Array]:
+def _whirls(case: SceneAt) -> Array:
     state, scene = case
-    return {
-        "whirl": statistics(scene, 0, 2, outputs=of_whirl(scene), state=state, rtol=WAIT_RTOL).whirl
-    }
+    return statistics(scene, 0, 2, outputs=of_whirl(scene), state=state, rtol=WAIT_RTOL).whirl

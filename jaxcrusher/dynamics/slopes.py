@@ -37,9 +37,8 @@ from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.motion.tangents import SLICES, Tangents, changes, combine, tangents
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
-from jaxcrusher.orbits.slopes import OrbitSlopes, orbit_beside, orbit_slopes
+from jaxcrusher.orbits.slopes import orbit_beside, orbit_slopes
 from jaxcrusher.scenes.machine import Machine, machine_of
-from jaxcrusher.scenes.parameters import Parameter
 
 # Regime -> why its slope may not be that of the motion in the end.
 UNSETTLED = {
@@ -151,7 +150,10 @@ def gradient_report(
         require_within(f"parameters[{name!r}]", value, -np.inf, np.inf)
     names, numbers = tuple(parameters), np.array([*parameters.values()], dtype=float)
     known = machine.replace(**parameters).numbers
-    radii = radius * np.array([_scale(n, value, known) for n, value in parameters.items()])
+    must = "have a scale (be one of jaxcrusher.PARAMETERS) or not be 0"
+    for name, value in parameters.items():
+        require(value != 0 or name in known, name, must, value)
+    radii = radius * np.array([abs(of) or known[name].scale for name, of in parameters.items()])
     point = jnp.asarray(numbers)
     make = machine.over(*names)
     here = make(point)
@@ -163,8 +165,12 @@ def gradient_report(
     progress("looking for the periodic orbit")
 
     def of_orbit(orbit: PeriodicOrbit, kind: Regime) -> GradientReport:
-        found = orbit_slopes(build, point, metric, radii, orbit)
-        slopes = _judged(names, radii, found, orbit)
+        slopes, multipliers = {}, np.asarray(orbit.multipliers)
+        columns = orbit_slopes(build, point, metric, radii, orbit)
+        for name, radius, *told in zip(names, radii, *columns, strict=True):
+            of, value, error, beside = map(float, (radius, *told))
+            estimates = {"implicit": (value, error), "orbits": (beside, 0.0)}
+            slopes[name] = judge(name, estimates, False, of, growth=0.0, multipliers=multipliers)
         return GradientReport(metric, kind, horizon, _growth_over(horizon, kind), slopes)
 
     beside = orbit_beside(here)
@@ -220,18 +226,6 @@ def gradient_report(
     return GradientReport(metric, kind, horizon, _growth_over(horizon, kind), slopes)
 
 
-def _judged(
-    names: tuple[str, ...], radii: Float[np.ndarray, " n"], found: OrbitSlopes, orbit: PeriodicOrbit
-) -> dict[str, Slope]:
-    """Return the slopes of an orbit, each with its verdict."""
-    slopes, multipliers = {}, np.asarray(orbit.multipliers)
-    columns = names, radii.tolist(), *(part.tolist() for part in found)
-    for name, radius, value, error, beside in zip(*columns, strict=True):
-        estimates = {"implicit": (value, error), "orbits": (beside, 0.0)}
-        slopes[name] = judge(name, estimates, False, radius, growth=0.0, multipliers=multipliers)
-    return slopes
-
-
 def _regime_of(orbit: PeriodicOrbit) -> Regime:
     """Return the regime of a stable motion that was solved for."""
     exponents = np.sort(np.log(np.abs(orbit.multipliers)))[::-1] / orbit.period
@@ -249,15 +243,6 @@ def _growth_over(turns: int, kind: Regime) -> tuple[float, float]:
     assert kind.exponents is not None
     largest, error = kind.exponents.exponents[0], kind.exponents.errors[0]
     return float(largest) * turns, float(error) * turns
-
-
-def _scale(name: str, value: float, known: Mapping[str, Parameter]) -> float:
-    """Return the scale of a radius: the value, or where that is 0 the parameter's own scale."""
-    if value != 0:
-        return abs(value)
-    must = "have a scale (be one of jaxcrusher.PARAMETERS) or not be 0"
-    require(name in known, name, must, value)
-    return known[name].scale
 
 
 def _growth(along: Tangents) -> float:

@@ -10,12 +10,7 @@ import xarray as xr
 
 from jaxcrusher.basics.checks import require, require_names, require_positive
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.identification.model import (
-    What,
-    look,
-    quantities_of,
-    require_continuous,
-)
+from jaxcrusher.identification.model import What, look, quantities_of, require_continuous
 from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.orbits.result import PeriodicOrbit

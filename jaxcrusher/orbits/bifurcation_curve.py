@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
 from jaxcrusher.basics.checks import (
     require,
@@ -22,7 +21,7 @@ from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.scene_problems import lost, problem_of
 from jaxcrusher.periodic.branch import LOOP, Branch, follow
 from jaxcrusher.periodic.collocation_problem import CollocationProblem
-from jaxcrusher.periodic.event_curve import EventCurve, curve_of, cusps
+from jaxcrusher.periodic.event_curve import curve_of, cusps
 from jaxcrusher.periodic.events import DOUBLING, FOLD, PAIR, as_on
 from jaxcrusher.scenes.earlier import unnamed
 from jaxcrusher.scenes.machine import Machine, machine_of
@@ -96,13 +95,7 @@ def bifurcation_curve(
         joined = replace(up, points=[*backwards[:-1], *up.points])
         orbits, ended = (*before[:0:-1], *after), f"{down.ended} {up.ended}"
     special = cusps(joined) if event.kind == FOLD else []
-    table = tabulated(orbits, {"parameter": _first_of(joined), "second": joined.parameter})
+    firsts = np.array([float(curve.split(point.u, 0.0)[1][0]) for point in joined.points])
+    table = tabulated(orbits, {"parameter": firsts, "second": joined.parameter})
     events = tuple(Event(one.kind, one.parameter, one.error, joined, one.point) for one in special)
     return OrbitBranch(table, orbits, events, ended, (joined,))
-
-
-def _first_of(branch: Branch) -> Float[np.ndarray, " points"]:
-    """Return the first parameter along a curve."""
-    curve = branch.problem
-    assert isinstance(curve, EventCurve)
-    return np.array([float(curve.split(point.u, 0.0)[1][0]) for point in branch.points])

@@ -1,7 +1,6 @@
 """Slopes of a statistic of a periodic orbit, beside differences of orbits."""
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -26,14 +25,6 @@ GRAZING = 1e-3
 SMALLER = 1e-3
 
 
-class OrbitSlopes(NamedTuple):
-    """Slopes of one statistic of an orbit by n numbers."""
-
-    values: Float[np.ndarray, " n"]
-    errors: Float[np.ndarray, " n"]  # the distance from differences over a small radius
-    beside: Float[np.ndarray, " n"]  # differences over the radius; NaN where there is no orbit
-
-
 def orbit_beside(scene: AbstractScene) -> PeriodicOrbit | None:
     """Return the stable motion that a scene starts beside, with what its slopes need.
 
@@ -55,9 +46,11 @@ def orbit_slopes(
     metric: str,
     radii: Float[np.ndarray, " n"],
     orbit: PeriodicOrbit,
-) -> OrbitSlopes:
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Return slopes of a statistic by `point` of the orbit of the scene `build(point)`.
 
+    With them come their errors, which are the distances from differences over small radii, and
+    differences over the `radii`, which are NaN where there is no orbit.
     An orbit that was shot for is shot for again beside it, others are solved for by nodes.
     """
     by_shooting, how = bool(orbit.way == WAYS.shooting), orbit.alike
@@ -84,7 +77,7 @@ def orbit_slopes(
         return np.array([difference(shift, radius) for shift, radius in pairs])
 
     values = np.asarray(jax.jacfwd(value)(point))
-    return OrbitSlopes(values, np.abs(differences(SMALLER * radii) - values), differences(radii))
+    return values, np.abs(differences(SMALLER * radii) - values), differences(radii)
 
 
 @eqx.filter_jit  # traced: a neighbour of a parameter at its limit lies outside

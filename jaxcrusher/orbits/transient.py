@@ -140,11 +140,17 @@ class Round:
         return float(np.sqrt(np.mean((parts - parts.mean(axis=0)) ** 2)))
 
 
-class FromRest:
-    """The motion of a scene from its pins at rest, in pieces of whole turns."""
+class Wait:
+    """The motion of a scene from its pins at rest, waited for as far as it is asked for.
 
-    def __init__(self, scene: AbstractScene) -> None:
-        self._own = scene
+    It is integrated in pieces of whole turns, within an effort.
+    """
+
+    def __init__(self, scene: AbstractScene, spent: Spent) -> None:
+        self._own, self.spent = scene, spent
+        self._ended: Array | None = None  # the state after all turns so far
+        self._last: Round | None = None
+        self._failure: RESULTS | None = None
 
     # Most orbits need no wait.
     @functools.cached_property
@@ -160,7 +166,7 @@ class FromRest:
         """Return the section points of the next `PIECE` turns from a state, and how they ended."""
         return piece((state, self._begun[1]))
 
-    def whirls(self, state: Array, most: int | None) -> tuple[bool, Outcome]:
+    def whirls_next(self, state: Array, most: int | None) -> tuple[bool, Outcome]:
         """Return whether the next two turns whirl, in `most` steps, and how they ended."""
         scene = self._begun[1]
         outputs, method = of_whirl(scene), Method(max_steps=most)
@@ -175,19 +181,9 @@ class FromRest:
         """Return e / c over so many turns from a section point, as `one_period` does."""
         return one_period((state, self._begun[1]), period=turns)
 
-
-class Wait:
-    """A motion that is waited for within an effort, as far as it is asked for."""
-
-    def __init__(self, motion: FromRest, spent: Spent) -> None:
-        self.motion, self.spent = motion, spent
-        self._ended: Array | None = None  # the state after all turns so far
-        self._last: Round | None = None
-        self._failure: RESULTS | None = None
-
     @property
     def _state(self) -> Array:
-        return self.motion.start if self._ended is None else self._ended
+        return self.start if self._ended is None else self._ended
 
     def rounds(self) -> Iterator[Round]:
         """Yield the last half of more and more turns.
@@ -203,7 +199,7 @@ class Wait:
             _LOG.info("waiting: turns %d to %d from rest", turn * TURNS + 1, (turn + 1) * TURNS)
             while len(seen) < (turn + 1) * TURNS and self.spent.affords(2 * PIECE):
                 begun = self._state
-                states, outcome = self.motion.piece(begun)
+                states, outcome = self.piece(begun)
                 if not bool(outcome.success):
                     self._failure = RESULTS.not_integrated
                     return
@@ -243,7 +239,7 @@ class Wait:
 
         It is that of a motion beside the one whose section points are `states`, begun together.
         """
-        beside, outcome = self.motion.piece(begun + APART / np.sqrt(begun.size))
+        beside, outcome = self.piece(begun + APART / np.sqrt(begun.size))
         self.spent.integrated(outcome, PIECE)
         apart = np.linalg.norm(beside - states, axis=1)
         turns = np.append(np.flatnonzero(apart > FAR), PIECE - 1)[0] + 1
@@ -254,7 +250,7 @@ class Wait:
         bounds = self.spent.bounds
         # More steps a turn leave no piece of turns within the bound.
         most = int(bounds.steps / PIECE) if bounds.bounded else None
-        whirls, outcome = self.motion.whirls(self._state, most)
+        whirls, outcome = self.whirls_next(self._state, most)
         self.spent.integrated(outcome, 2)
         if not bool(outcome.success):
             long = bool(outcome.result == integration.RESULTS.max_steps_reached)

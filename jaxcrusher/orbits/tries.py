@@ -33,7 +33,7 @@ from jaxcrusher.orbits.oscillation import NEAR, oscillation_about
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import ORBIT_RTOL, closed, described, integrated_multipliers
 from jaxcrusher.orbits.solving import NODES, SETTLED, Nodes, solved, with_statistics
-from jaxcrusher.orbits.transient import LONGEST, FromRest, Round, Wait, resting_start, section_mean
+from jaxcrusher.orbits.transient import LONGEST, Round, Wait, resting_start, section_mean
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.multipliers import UNSURE
 from jaxcrusher.periodic.trigonometric import resample
@@ -202,7 +202,7 @@ class OrbitSearch(NamedTuple):
 
     def wait(self) -> Wait:
         """Return the wait for the motion from rest, which has not begun."""
-        return Wait(FromRest(self.still), self.spent)
+        return Wait(self.still, self.spent)
 
 
 def searched(search: OrbitSearch, nodes: int | None) -> PeriodicOrbit:
@@ -286,7 +286,7 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
     def waited(rest: Round) -> Iterator[Try]:
         """Yield what the means of turns lead to; those of chaos lead nowhere that is stable."""
         for turns, mean in () if rest.chaotic else rest.means(search.period):
-            seen, success = wait.motion.one_period(mean, turns)
+            seen, success = wait.one_period(mean, turns)
             if bool(success):
                 yield search.by_nodes(seen, turns).replaced(way=WAYS.waiting)
             yield from shots(mean, turns)

@@ -15,7 +15,7 @@ from jaxcrusher.orbits import transient, tries
 from jaxcrusher.orbits.effort import EFFORTS, Spent
 from jaxcrusher.orbits.result import RESULTS, WAYS, missing
 from jaxcrusher.orbits.solving import solved
-from jaxcrusher.orbits.transient import FromRest, Round, Wait, resting_start
+from jaxcrusher.orbits.transient import Round, Wait, resting_start
 from jaxcrusher.orbits.tries import (
     OrbitSearch,
     Try,
@@ -211,12 +211,13 @@ def test_an_unstable_orbit_says_how_disturbances_grow():
     assert dataclasses.replace(orbit, result=RESULTS.whirl).instability == ""
 
 
-class Swinging(FromRest):
+class Swinging(Wait):
     """Turns at random, again and again; a motion beside goes off as exp(growth * turns)."""
 
-    def __init__(self, growth, steps=0, whirling=False):
+    def __init__(self, growth, spent, steps=0, whirling=False):
         """Take what disturbances grow by, steps of the integrator a turn, and whether it whirls."""
-        self.growth, self.steps, self.whirling = growth, steps, whirling
+        super().__init__(jc.paper_scene(27.0, 0.05e-3), spent)
+        self.rate, self.steps, self.whirling = growth, steps, whirling
         self.states = np.random.default_rng(0).uniform(size=(transient.PIECE, 4))
 
     @property
@@ -224,17 +225,17 @@ class Swinging(FromRest):
         return jnp.asarray(self.states[-1])
 
     def piece(self, state):
-        grown = np.exp(self.growth * np.arange(1, transient.PIECE + 1))[:, None]
+        grown = np.exp(self.rate * np.arange(1, transient.PIECE + 1))[:, None]
         states = self.states + np.clip(np.asarray(state - self.states[-1]) * grown, -0.5, 0.5)
-        return jnp.asarray(states), self._ended(transient.PIECE)
+        return jnp.asarray(states), self._outcome(transient.PIECE)
 
-    def whirls(self, state, most):
-        return self.whirling, self._ended(0)
+    def whirls_next(self, state, most):
+        return self.whirling, self._outcome(0)
 
     def one_period(self, state, turns):
         return jnp.full((96, 2), 0.5), jnp.array(True)
 
-    def _ended(self, turns):
+    def _outcome(self, turns):
         return Outcome(fine().result, jnp.zeros(()), jnp.array(turns * self.steps))
 
 
@@ -243,7 +244,7 @@ class Swinging(FromRest):
 )
 def test_a_swing_that_may_settle_is_waited_for_and_chaos_is_not(growth, effort, rounds):
     """At (38.687 rad/s, 0.10569 mm) disturbances grow by 0.07 a turn before the motion settles."""
-    wait = Wait(Swinging(growth), Spent(effort))
+    wait = Swinging(growth, Spent(effort))
     seen = list(wait.rounds())
     assert len(seen) == rounds and [one.chaotic for one in seen] == [growth > 1] * rounds
     assert wait.spent.turns == len(seen[-1].states) * 2 == 120 * 2**rounds
@@ -253,20 +254,20 @@ def test_a_swing_that_may_settle_is_waited_for_and_chaos_is_not(growth, effort, 
 
 def test_a_wait_ends_where_its_steps_are_spent():
     """10 000 steps a turn: 72 turns, and 24 beside them, are all pieces of a million steps."""
-    wait = Wait(Swinging(0.1, steps=10_000), Spent("quick"))
+    wait = Swinging(0.1, Spent("quick"), steps=10_000)
     (last,) = wait.rounds()
     assert wait.spent.turns == 72 and len(last.states) == 36
     assert wait.spent.steps == 960_000 <= EFFORTS["quick"].steps
     said = wait.told()
     assert said.startswith("The motion from rest does not repeat within the wait")
     assert "Tried: a wait of 72 turns." in said and 'effort="thorough"' in said
-    endless = Wait(Swinging(0.1, steps=10_000), Spent("thorough"))
+    endless = Swinging(0.1, Spent("thorough"), steps=10_000)
     assert len(list(endless.rounds())) == 4 and endless.spent.turns == 1920
 
 
 def test_turns_of_more_steps_than_the_effort_has_are_not_waited_for():
     """Each turn of the paper's crusher takes some 600 steps."""
-    wait = Wait(FromRest(jc.paper_scene(27.0, 0.05e-3)), Spent("quick"))
+    wait = Wait(jc.paper_scene(27.0, 0.05e-3), Spent("quick"))
     wait.spent.bounds = wait.spent.bounds._replace(steps=200 * transient.PIECE)
     assert not list(wait.rounds()) and wait.spent.turns == 0
     assert wait.regime(RESULTS.not_closed) == RESULTS.too_long
@@ -307,15 +308,14 @@ def test_an_interrupted_search_says_what_it_knows():
         yield
 
     with pytest.raises(KeyboardInterrupt, match=r"no orbit yet\. Tried: 96 nodes a turn\."):
-        first_stable(stopped(), Wait(Swinging(0.1), spent))
+        first_stable(stopped(), Swinging(0.1, spent))
 
 
 @pytest.mark.parametrize(("rate", "grows"), [(1.7, True), (0.05, False), (-0.5, False)])
 def test_growth_is_that_of_a_motion_beside(rate, grows):
     """It is taken before the two motions are as far apart as they come."""
-    motion = Swinging(rate, steps=4)
-    wait = Wait(motion, Spent("usual"))
-    growth = wait.growth(motion.start, motion.states)
+    wait = Swinging(rate, Spent("usual"), steps=4)
+    growth = wait.growth(wait.start, wait.states)
     # A distance of 1e-5 is the difference of two numbers of 1, and grows by up to 1e-5 as it dies.
     assert growth == pytest.approx(rate, rel=1e-6)
     assert (growth > CHAOS) == grows and wait.spent.steps == 4 * transient.PIECE
@@ -329,7 +329,7 @@ def test_each_effort_takes_its_tries_in_its_order():
     names = ["way", "closure"]
     Found = dataclasses.make_dataclass("Found", names, namespace={"doubted": False})
 
-    class Still(Wait):
+    class Still(Swinging):
         def rounds(self):
             return iter(2 * [Round(np.zeros((120, 4)))])
 
@@ -350,7 +350,7 @@ def test_each_effort_takes_its_tries_in_its_order():
             return none
 
         def wait(self):
-            return Still(Swinging(0.1), self.spent)
+            return Still(0.1, self.spent)
 
     rest, guess, shot = ("rest", 96), ("guess", 96), ("shot", 1)
     finer = [("rest", 192), ("rest", 384)]  # the orbit found first is NaN
@@ -409,8 +409,7 @@ def test_what_the_motion_does_beside_an_unstable_orbit_is_named():
 
 
 def test_a_motion_that_repeats_is_told_from_chaos():
-    motion = Swinging(0.1)
-    wait = Wait(motion, Spent("usual"))
+    wait = Swinging(0.1, Spent("usual"))
     assert wait.regime(RESULTS.not_closed) == RESULTS.not_closed
     wait._last = Round(np.tile([[0.1] * 4, [0.2] * 4], (120, 1)))
     assert wait.regime(RESULTS.not_closed) == RESULTS.repeats
@@ -418,5 +417,5 @@ def test_a_motion_that_repeats_is_told_from_chaos():
     assert wait.regime(RESULTS.not_closed) == RESULTS.aperiodic
     wait._last = Round(wait._last.states, chaotic=True)
     assert wait.regime(RESULTS.not_closed) == RESULTS.chaotic
-    motion.whirling = True
+    wait.whirling = True
     assert wait.regime(RESULTS.not_closed) == RESULTS.whirl

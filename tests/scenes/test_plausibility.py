@@ -13,7 +13,7 @@ import jaxcrusher as jc
 from jaxcrusher.basics import setup
 from jaxcrusher.basics.setup import UnusualNumbers
 from jaxcrusher.commands import options
-from jaxcrusher.commands.crushers import read_machine
+from jaxcrusher.commands.machines import read_machine
 from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.parameters import CHAMBER, NUMBERS, PE250X400, openers, readable
 from jaxcrusher.scenes.plausibility import RATIOS, remarks

@@ -734,19 +734,20 @@ def test_slopes_of_an_orbit_are_shown_where_a_force_feels_them(tmp_path):
     marked = orbit.borrowed_by(crusher, read_machine(crusher.scene, crusher.overrides))
     assert "jaw.mass" in marked and not {"load", "toggle.mass", "speed"} & set(marked)
     found = {"foundation_rms": 1e4}
-    values = {name: value for name, value in jc.PE250X400.items() if name in jc.PARAMETERS}
-    slopes = {metric: dict.fromkeys(values, 1.0) for metric in ("foundation_rms", "shaking_rms")}
-    shown = orbit.table(found, slopes, values, {}, marked)
+    machine = jc.paper_machine()
+    numbers = [name for name in jc.PE250X400 if name in jc.PARAMETERS]
+    slopes = {metric: dict.fromkeys(numbers, 1.0) for metric in ("foundation_rms", "shaking_rms")}
+    shown = orbit.table(found, slopes, machine, marked)
     cells = dict(zip(*(list(shown.columns[i].cells) for i in (0, 1)), strict=True))
     assert cells["jaw.mass"] == "524 kg *" and cells["load"] == "8800 N"
     # What changes neither force has no row, but a line: rounding is no slope, and NaN is no zero.
     for name, slope in (("young", 0.0), ("poisson", -1e-13), ("load", math.nan)):
         slopes = {metric: of | {name: slope} for metric, of in slopes.items()}
-    slopes = {metric: orbit.felt(of, 1e4, values) for metric, of in slopes.items()}
+    slopes = {metric: orbit.felt(of, 1e4, machine) for metric, of in slopes.items()}
     slopes["shaking_rms"]["friction"] = 0.0
-    names = list(orbit.table(found, slopes, values, {}, marked).columns[0].cells)
+    names = list(orbit.table(found, slopes, machine, marked).columns[0].cells)
     assert {"load", "friction"} < set(names) and not {"young", "poisson"} & set(names)
-    told = orbit.notes(values, {}, marked, slopes)
+    told = orbit.notes(machine, marked, slopes)
     assert "Neither force changes with young, poisson." in told and len(told) == 3
 
 

@@ -10,7 +10,7 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.commands import foundation
-from jaxcrusher.commands.crushers import read_machine
+from jaxcrusher.commands.machines import read_machine
 from jaxcrusher.commands.options import Crusher, Foundation, Results
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.sheets.load_sheet import Row, Site, sheet

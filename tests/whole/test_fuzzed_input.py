@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 import jaxcrusher as jc
 from jaxcrusher import __main__
-from jaxcrusher.commands.crushers import read_machine
+from jaxcrusher.commands.machines import read_machine
 from jaxcrusher.commands.options import Crusher
 from jaxcrusher.files.program import parse
 from jaxcrusher.scenes.machine import Machine

@@ -1,4 +1,4 @@
-"""The crushers and grids that a command line names, in SI units, and what results are kept by."""
+"""The machines and grids that a command line names, in SI units, and what results are kept by."""
 
 import itertools
 from collections.abc import Mapping
@@ -70,9 +70,10 @@ def variants_of(
     return scenes, refused
 
 
-def settings_of(command: str, values: dict[str, Any], **numbers: Any) -> dict[str, Any]:
-    """Return what results are kept by: a command, its crusher, and the options that decide them."""
-    return {"command": command, "scene": with_digests(values), **numbers}
+def settings_of(command: str, machine: Machine, **numbers: Any) -> dict[str, Any]:
+    """Return what results are kept by: a command, its machine, and the options that decide them."""
+    kept = {"command": command, "scene": with_digests(machine.values), **numbers}
+    return kept | machine.structure.record
 
 
 def write_dataset(path: Path, dataset: xr.Dataset) -> None:
