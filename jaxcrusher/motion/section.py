@@ -31,7 +31,7 @@ class Section(eqx.Module, AbstractOverTurns):
     With the default formulation a state has of each loose joint in turn (e_x / c, e_y / c, e_x',
     e_y') in 1 and m/s, and behind them the memory of a tracked impact velocity, m/s, if the joint
     has one. Behind all joints stand those of a free shaft, and the six of a frame on supports, in
-    the units of `jaxcrusher.mechanism.frame.FrameUnits`. NaN from a failure on.
+    the units of `jaxcrusher.mechanism.state.FrameUnits`. NaN from a failure on.
     """
 
     states: Float[Array, "turns dims"]
@@ -79,9 +79,10 @@ class Slices(eqx.Module):
 
     jacobians: Float[Array, "*slices dims dims"]  # dx_after / dx_before
     forcing: Float[Array, "*slices dims n"]  # dx_after / dp
-    values: dict[str, PyTree[Float[Array, "..."]]]  # m, as `of_slices` takes it
-    by_state: dict[str, PyTree[Float[Array, "... dims"]]]  # dm / dx_before
-    by_parameter: dict[str, PyTree[Float[Array, "... n"]]]  # dm / dp
+    values: PyTree[Float[Array, "..."]]  # m, by name or of one, as `of_slices` takes it
+    by_state: PyTree[Float[Array, "... dims"]]  # dm / dx_before
+    by_parameter: PyTree[Float[Array, "... n"]]  # dm / dp
+    failure: str = eqx.field(static=True, default="")  # why and when they ended early, if known
 
 
 class Sloped(eqx.Module):
