@@ -107,27 +107,22 @@ _USUAL = {
     "foundation_mean": Statistic("N", "mean of |R_O| + |R_C|", foundation_force, PowerMean()),
     "foundation_peak": Statistic("N", "peak of |R_O| + |R_C|", foundation_force, PEAK),
 }
-_ROD_LEAST = Statistic(
-    "N", "least tension of the rod; where it is negative the rod is slack", rod_margin, LEAST
-)
-_FURTHER = {
-    # Within 20 % of a peak that lasts 5 % of a turn, and differentiable where the instant of the
-    # peak jumps.
-    "foundation_smooth_peak": Statistic(
-        "N", "(mean of (|R_O| + |R_C|)^16)^(1/16)", foundation_force, PowerMean(16)
-    ),
-}
 
 
 def _own(parts: Parts) -> Asked:
-    seen, usual, further, limits = dict(_SEEN), dict(_USUAL), dict(_FURTHER), {}
+    seen, usual, limits = dict(_SEEN), dict(_USUAL), {}
+    # Within 20 % of a peak that lasts 5 % of a turn, and differentiable where the instant of the
+    # peak jumps.
+    smooth = Statistic("N", "(mean of (|R_O| + |R_C|)^16)^(1/16)", foundation_force, PowerMean(16))
+    further = {"foundation_smooth_peak": smooth}
     for joint in dict.fromkeys(("main", *parts.loose)):
         title, force = _TITLES[joint], OfPart(force_at, joint)
         meaning = f"largest force at {title.title}"
         further[f"{title.prefix}joint_peak"] = Statistic("N", meaning, force, PEAK)
     if parts.springs:
         seen["rod_tension"] = Observable(rod_tension, "N", "tension of the rod")
-        usual["rod_tension_least"] = _ROD_LEAST
+        meaning = "least tension of the rod; where it is negative the rod is slack"
+        usual["rod_tension_least"] = Statistic("N", meaning, rod_margin, LEAST)
         limits["rod"] = Tautness, ("rod_tension_least",)
     return Asked(seen, usual, further, limits)
 

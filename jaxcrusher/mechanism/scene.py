@@ -98,7 +98,7 @@ class Scene(Printed):
             require(push.body in bodies, "pushes", must, f"at {push.body}")
         for body in (point.body for spring in self.springs for point in spring.ends):
             require(body in (*bodies, FRAME), "springs", f"{must}, {FRAME}", f"at {body}")
-        _ = self._asked  # its names are checked
+        asked_of(self.template, self._parts)  # which checks names
 
     @property
     def joints(self) -> Named[AbstractBearing]:
@@ -197,9 +197,8 @@ class Scene(Printed):
 
         Raises ValueError, which says what the scene lacks that would have a name.
         """
-        for name in (
-            () if isinstance(outputs, str) or not isinstance(outputs, Iterable) else outputs
-        ):
+        many = isinstance(outputs, Iterable) and not isinstance(outputs, str)
+        for name in outputs if many else ():
             for lacking, change in LACKING.items() if name not in table else ():
                 whole = asked_of(self.template, change(self._parts))
                 needs = name in whole.observables or name in whole.statistics
