@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.peers import scipy_peer
 from benchmarks.peers.any_linkage import AnyLinkage, instant
 from jaxcrusher.crusher.machine import LETTERS
-from jaxcrusher.mechanism.frame import frame_units
+from jaxcrusher.mechanism.state import frame_units
 from jaxcrusher.motion.flow import unflattened
 from jaxcrusher.orbits.result import PeriodicOrbit
 

@@ -16,7 +16,7 @@ from jaxtyping import Array, Scalar
 import jaxcrusher as jc
 from benchmarks.work_precision.cases import Case
 from jaxcrusher.basics.integrate import Carried, Integration, Outcome, Problem, integrate
-from jaxcrusher.crusher.observables import foundation_force
+from jaxcrusher.crusher.template import foundation_force
 from jaxcrusher.joint.normal import cylinder_stiffness
 from jaxcrusher.motion.flow import by_phase
 from jaxcrusher.motion.method import resolve

@@ -24,8 +24,7 @@ def main(out: Path = Path("results/pictures")) -> None:
     import jaxcrusher as jc
     from jaxcrusher.files.results import results_folder, write_figure
     from jaxcrusher.pictures import plots
-    from jaxcrusher.pictures.film import animate
-    from jaxcrusher.pictures.mechanism import DRAWN, plot_mechanism
+    from jaxcrusher.pictures.mechanism import DRAWN, animate, plot_mechanism
     from jaxcrusher.pictures.plots import WIDTH
     from jaxcrusher.scenes.build import build_linkage
 

@@ -45,11 +45,6 @@ class JawMotion(Record):
     motion: Motion
 
     @property
-    def turned(self) -> Scalar:
-        """Return the angle that the shaft has turned by since time zero, rad."""
-        return self.motion.crank.angle
-
-    @property
     def angle(self) -> Scalar:
         """Return the shaft's angle theta1, from -pi to pi; 0 where A lies to the right of O."""
         crank = self.motion.axis("shaft")
@@ -194,10 +189,10 @@ def closing_stroke_of(linkage: Linkage, along: Scalar | float | None) -> tuple[S
 
     def closing(angle: Scalar) -> Scalar:
         def point(at: Scalar) -> Vector:
-            return JawMotion(ideal_at_rest(linkage, at)).position(along)
+            return _ideal(linkage, at).position(along)
 
         moved = jax.jvp(point, (angle,), (jnp.ones_like(angle),))[1]
-        return -moved.dot(JawMotion(ideal_at_rest(linkage, angle)).away)
+        return -moved.dot(_ideal(linkage, angle).away)
 
     now = jax.vmap(closing)(angles)
     then = jnp.roll(now, -1)

@@ -1,41 +1,87 @@
-"""What results of a crusher are called, and what is asked of it besides what any linkage has."""
+"""What results of a crusher are called, and what is asked of it besides what any linkage has.
+
+That is the forces on its foundation, and places of its jaw.
+"""
 
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from jaxtyping import Scalar
+
+from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.smooth import norm
 from jaxcrusher.crusher.machine import JOINTS, LETTERS
-from jaxcrusher.crusher.observables import (
-    bearing_reaction,
-    crushing_load,
-    elbow_position,
-    elbow_reaction,
-    elbow_velocity,
-    foundation_force,
-    jaw_mass_centre,
-    joint_force,
-    load_position,
-    net_foundation_force,
-    pin_position,
-    rod_margin,
-    rod_tension,
-    toggle_reaction,
-)
 from jaxcrusher.crusher.outline import outline
 from jaxcrusher.joint.validity import Tautness
-from jaxcrusher.mechanism.observables import force_at
-from jaxcrusher.mechanism.quantities import (
-    Limits,
-    Observables,
-    Parts,
-    Statistics,
-    Template,
-    Title,
-    observables_of,
-    statistics_of,
-    usual_of,
-)
+from jaxcrusher.mechanism.observables import force_at, force_width, on_bore
+from jaxcrusher.mechanism.quantities import Asked, Parts, Template, Title, asked_of, position
 from jaxcrusher.mechanism.reductions import LEAST, PEAK, PowerMean, Statistic
-from jaxcrusher.mechanism.snapshot import Observable, OfPart
+from jaxcrusher.mechanism.scene import Scene
+from jaxcrusher.mechanism.snapshot import Observable, OfPart, Snapshot
+
+
+def _on_pin(s: Snapshot, scene: Scene, joint: str) -> Vector:
+    """Return the force on the pin of a joint, N."""
+    return -on_bore(s, scene, joint)
+
+
+# The force of the shaft on the jaw at A, of the frame on the shaft (R_O), of the toggle on the jaw
+# (R_B), and of the frame on the toggle (R_C), N; and S2, m.
+joint_force = OfPart(on_bore, "main")
+bearing_reaction = OfPart(_on_pin, "shaft_bearing")
+elbow_reaction = OfPart(on_bore, "elbow")
+toggle_reaction = OfPart(_on_pin, "pivot")
+jaw_mass_centre = OfPart(position, "jaw")
+
+
+def foundation_force(s: Snapshot, scene: Scene) -> Scalar:
+    """|R_O| + |R_C|, N: the only definition of seven that meets the paper's numbers."""
+    at_bearing = norm(bearing_reaction(s, scene), force_width(s, scene))
+    return at_bearing + norm(toggle_reaction(s, scene), force_width(s, scene))
+
+
+def net_foundation_force(s: Snapshot, scene: Scene) -> Scalar:
+    """|R_O + R_C|, N: the length of the resultant on the foundation."""
+    return norm(bearing_reaction(s, scene) + toggle_reaction(s, scene), force_width(s, scene))
+
+
+def load_position(s: Snapshot, scene: Scene) -> Vector:
+    """Where the crushing load acts on the jaw, m; S2 where there is none."""
+    if not s.applied.pushes:
+        return s.motion.centre("jaw")
+    point, _ = s.applied.pushes[0]
+    return s.motion.position(point)
+
+
+def elbow_position(s: Snapshot, scene: Scene) -> Vector:
+    """B, the jaw's lower end, m; C is the origin."""
+    return s.motion.position(scene.linkage.joint("elbow").bore)
+
+
+def elbow_velocity(s: Snapshot, scene: Scene) -> Vector:
+    """Return the velocity of B, the jaw's lower end, m/s."""
+    return s.motion.velocity(scene.linkage.joint("elbow").bore)
+
+
+def pin_position(s: Snapshot, scene: Scene) -> Vector:
+    """Return the centre A of the shaft's pin, m."""
+    return s.motion.position(scene.linkage.joint("main").pin)
+
+
+def rod_tension(s: Snapshot, scene: Scene) -> Scalar:
+    """Return the tension of the rod, N."""
+    return s.applied.springs[0].pull
+
+
+def rod_margin(s: Snapshot, scene: Scene) -> Scalar:
+    """Return the tension that a rod would have that can push, N: it is slack where negative."""
+    return s.applied.springs[0].wanted
+
+
+def crushing_load(s: Snapshot, scene: Scene) -> Vector:
+    """Return the crushing load on the jaw, N; zero without one."""
+    return s.applied.pushes[0][1] if s.applied.pushes else Vector(0.0, 0.0)
+
 
 # The main joint, A, is what results of a crusher are of where they name no joint.
 _TITLES = {
@@ -61,35 +107,24 @@ _USUAL = {
     "foundation_mean": Statistic("N", "mean of |R_O| + |R_C|", foundation_force, PowerMean()),
     "foundation_peak": Statistic("N", "peak of |R_O| + |R_C|", foundation_force, PEAK),
 }
-_ROD_LEAST = Statistic(
-    "N", "least tension of the rod; where it is negative the rod is slack", rod_margin, LEAST
-)
-_FURTHER = {
+
+
+def _own(parts: Parts) -> Asked:
+    seen, usual, limits = dict(_SEEN), dict(_USUAL), {}
     # Within 20 % of a peak that lasts 5 % of a turn, and differentiable where the instant of the
     # peak jumps.
-    "foundation_smooth_peak": Statistic(
-        "N", "(mean of (|R_O| + |R_C|)^16)^(1/16)", foundation_force, PowerMean(16)
-    ),
-}
-
-
-def _observables(parts: Parts) -> Observables:
-    tension = Observable(rod_tension, "N", "tension of the rod")
-    return _SEEN | ({"rod_tension": tension} if parts.springs else {})
-
-
-def _statistics(parts: Parts) -> tuple[Statistics, Statistics]:
-    peaks = {}
+    smooth = Statistic("N", "(mean of (|R_O| + |R_C|)^16)^(1/16)", foundation_force, PowerMean(16))
+    further = {"foundation_smooth_peak": smooth}
     for joint in dict.fromkeys(("main", *parts.loose)):
         title, force = _TITLES[joint], OfPart(force_at, joint)
         meaning = f"largest force at {title.title}"
-        peaks[f"{title.prefix}joint_peak"] = Statistic("N", meaning, force, PEAK)
-    rod = {"rod_tension_least": _ROD_LEAST} if parts.springs else {}
-    return _USUAL | rod, _FURTHER | peaks
-
-
-def _limits(parts: Parts) -> Limits:
-    return {"rod": (Tautness, ("rod_tension_least",))} if parts.springs else {}
+        further[f"{title.prefix}joint_peak"] = Statistic("N", meaning, force, PEAK)
+    if parts.springs:
+        seen["rod_tension"] = Observable(rod_tension, "N", "tension of the rod")
+        meaning = "least tension of the rod; where it is negative the rod is slack"
+        usual["rod_tension_least"] = Statistic("N", meaning, rod_margin, LEAST)
+        limits["rod"] = Tautness, ("rod_tension_least",)
+    return Asked(seen, usual, further, limits)
 
 
 CRUSHER = Template(
@@ -98,16 +133,14 @@ CRUSHER = Template(
     springs="rod_",
     origin="C",
     leading="foundation_rms",
-    observables=_observables,
-    statistics=_statistics,
-    limits=_limits,
+    own=_own,
     outline=outline,
 )
 # A crusher all of whose joints are loose and rub, on supports, with a rod; the last has rollers.
 _EVERY = Parts(JOINTS, JOINTS, JOINTS, ("main",), supports=True, springs=True, rests=True)
 # Name -> what it is of a crusher, for where no scene is at hand: a scene has those of its parts.
-OBSERVABLES: Mapping[str, Observable] = MappingProxyType(observables_of(CRUSHER, _EVERY))
-STATISTIC: Mapping[str, Statistic] = MappingProxyType(statistics_of(CRUSHER, _EVERY))
+OBSERVABLES: Mapping[str, Observable] = MappingProxyType(asked_of(CRUSHER, _EVERY).observables)
+STATISTIC: Mapping[str, Statistic] = MappingProxyType(asked_of(CRUSHER, _EVERY).statistics)
 # What `statistics` computes of the paper's crusher without being asked, by joint that is loose.
-STATISTICS = tuple(usual_of(CRUSHER, Parts(JOINTS, ("main",))))
-ALWAYS = tuple(usual_of(CRUSHER, Parts(JOINTS, JOINTS)))
+STATISTICS = tuple(asked_of(CRUSHER, Parts(JOINTS, ("main",))).usual)
+ALWAYS = tuple(asked_of(CRUSHER, Parts(JOINTS, JOINTS)).usual)

@@ -23,9 +23,9 @@ from jaxcrusher.motion.indicators import (
     widest,
     zero_one_test,
 )
-from jaxcrusher.motion.section import Section, poincare_section
+from jaxcrusher.motion.section import Section, Slices, poincare_section
 from jaxcrusher.motion.statistics import Statistics, of_whirl
-from jaxcrusher.motion.tangents import SLICES, Tangents
+from jaxcrusher.motion.tangents import SLICES
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.orbits.oscillation import oscillation_about, section_of
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
@@ -103,7 +103,7 @@ def classify(
     settle_turns: int,
     turns: int,
     rtol: float,
-    further: Callable[[Array], Section | Tangents],
+    further: Callable[[Array], Section | Slices],
 ) -> Regime:
     """`regime`, with the Jacobians made by the caller.
 
@@ -117,7 +117,7 @@ def classify(
 def judged(
     record: Section,
     rtol: float,
-    further: Callable[[Array], Section | Tangents],
+    further: Callable[[Array], Section | Slices],
     in_contact: Callable[[], PeriodicOrbit | None],
 ) -> Regime:
     """Return the regime of section points, from what the indicators say of them.

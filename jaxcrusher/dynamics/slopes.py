@@ -33,8 +33,8 @@ from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.method import require_tolerance
-from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.tangents import SLICES, Tangents, changes, combine, tangents
+from jaxcrusher.motion.section import Slices, poincare_section
+from jaxcrusher.motion.tangents import SLICES, changes, combine, tangents
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.slopes import orbit_beside, orbit_slopes
@@ -176,9 +176,9 @@ def gradient_report(
     beside = orbit_beside(here)
     if beside is not None:
         return of_orbit(beside, _regime_of(beside))
-    along: list[Tangents] = []
+    along: list[Slices] = []
 
-    def further(state: Float[Array, " dims"]) -> Tangents:
+    def further(state: Float[Array, " dims"]) -> Slices:
         progress(f"differentiating along {TANGENT_TURNS} turns")
         along.append(tangents(build, point, metric, state, TANGENT_TURNS, rtol))
         return along[-1]
@@ -245,13 +245,13 @@ def _growth_over(turns: int, kind: Regime) -> tuple[float, float]:
     return float(largest) * turns, float(error) * turns
 
 
-def _growth(along: Tangents) -> float:
+def _growth(along: Slices) -> float:
     """The logarithm of the spectral radius of all slices together: no unit, no norm enters it."""
     matrix = functools.reduce(lambda before, jacobian: jacobian @ before, along.jacobians)
     return float(np.log(np.max(np.abs(np.linalg.eigvals(matrix)))))
 
 
-def _tangent(along: Tangents, metric: Statistic) -> tuple[np.ndarray, np.ndarray]:
+def _tangent(along: Slices, metric: Statistic) -> tuple[np.ndarray, np.ndarray]:
     """The forward tangent from dx/dp = 0 on, and its error by the scatter of its window's parts."""
     found = changes(along, np.zeros(along.forcing.shape[1:]))
     count = len(along.jacobians)

@@ -267,11 +267,11 @@ class Acting(Record):
 
 def acting(
     motion: Motion,
-    pushes: Iterable[tuple[Point, Vector]],
+    pushes: Iterable[AbstractPush],
     springs: Iterable[Spring],
     supports: OnSupports | None,
 ) -> Acting:
-    """Return what pushes, of points and forces (N) on bodies, and springs do in a motion."""
+    """Return what pushes and springs do to bodies, and by their reactions to the frame."""
 
     def on_frame(point: Point, force: Vector) -> list[Wrench]:
         """Return what the frame feels of a force at the place of a point, if it can move."""
@@ -280,16 +280,16 @@ def acting(
         arm = motion.position(point) - supports.point
         return [Wrench(FRAME, force, arm.cross(force))]
 
-    wrenches, pushes = [], tuple(pushes)
+    wrenches, pushed = [], tuple(push.action(motion) for push in pushes)
     stretched = tuple(spring.stretched(motion) for spring in springs)
-    for point, force in pushes:
+    for point, force in pushed:
         wrenches += [wrench_at(motion, point, force), *on_frame(point, -force)]
     for spring in stretched:
         pull = spring.pull * spring.axis
         for point, force in zip(spring.spring.ends, (pull, -pull), strict=True):
             is_frame = point.body == FRAME
             wrenches += on_frame(point, force) if is_frame else [wrench_at(motion, point, force)]
-    return Acting(tuple(wrenches), pushes, stretched)
+    return Acting(tuple(wrenches), pushed, stretched)
 
 
 def push_power(s: Snapshot, scene: Any) -> Scalar:

@@ -27,11 +27,6 @@ class CrankState(Record):
     relative_speed: Scalar
 
 
-def from_nearest_turn(angle: Scalar) -> Scalar:
-    """Return the same angle (rad), between -pi and pi."""
-    return angle - 2 * jnp.pi * jnp.round(angle / (2 * jnp.pi))
-
-
 class AbstractDrive(Printed):
     """A drive; the crank starts at angle 0.
 

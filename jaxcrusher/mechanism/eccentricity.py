@@ -12,13 +12,20 @@ from jaxcrusher.basics.record import Record
 from jaxcrusher.joint.clearance import AbstractBearing, Contact
 from jaxcrusher.mechanism.drives import CrankState
 from jaxcrusher.mechanism.equations import solve
-from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
 from jaxcrusher.mechanism.motion import moving
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
-from jaxcrusher.mechanism.state import Parts, contacts_of, snapshot_of
+from jaxcrusher.mechanism.state import (
+    FrameState,
+    Parts,
+    contacts_of,
+    frame_rate,
+    frame_units,
+    initial_frame,
+    snapshot_of,
+)
 
 
 class JointState(Record):

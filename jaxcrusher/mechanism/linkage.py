@@ -170,7 +170,7 @@ def _links_of(
             must = f"join bodies that there are: {', '.join(sorted(known))}"
             require(body in known, name, must, f"at {body}")
     dyads = dyads_of(ends, slides, bodies, crank)
-    used = {bearing}.union(*(dyad.held_by for dyad in dyads))
+    used = {bearing}.union(*((d.first_joint, d.second_joint, d.meeting) for d in dyads))
     more = [name for name, *_ in ends if name not in used]
     must = "be the crank's bearing and three of each dyad"
     require(not more, "joints", must, f"also {', '.join(more)}")

@@ -52,17 +52,13 @@ class Motion(Record):
     eccentricities: Named[Vector]  # pin less bore of the loose joints, m
     rates: Named[Vector]  # m/s
 
-    def pose(self, body: str) -> Pose:
-        """Return how a body stands."""
-        return self.poses.at(body)
-
     def axis(self, body: str) -> Vector:
         """Return the unit vector of a body's x axis."""
-        return Vector(1.0, 0.0) if body == FRAME else self.pose(body).axis
+        return Vector(1.0, 0.0) if body == FRAME else self.poses.at(body).axis
 
     def spin(self, body: str) -> Scalar | None:
         """Return the spin of a body, rad/s; None of the frame and of sliders."""
-        return None if body == FRAME else self.pose(body).spin
+        return None if body == FRAME else self.poses.at(body).spin
 
     def centre(self, body: str) -> Vector:
         """Return the mass centre of a body, m."""

@@ -17,14 +17,21 @@ from jaxcrusher.basics.linear import SparseRow, solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, or_zero, plus, scalar
 from jaxcrusher.basics.record import Record
 from jaxcrusher.mechanism.equations import Accelerations, Forces, Guiding
-from jaxcrusher.mechanism.frame import FrameState, frame_rate, frame_units, initial_frame
 from jaxcrusher.mechanism.linkage import Joint, Slide
 from jaxcrusher.mechanism.motion import Crank, Motion, Pose, moving
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
-from jaxcrusher.mechanism.state import Parts, contacts_of, snapshot_of
+from jaxcrusher.mechanism.state import (
+    FrameState,
+    Parts,
+    contacts_of,
+    frame_rate,
+    frame_units,
+    initial_frame,
+    snapshot_of,
+)
 from jaxcrusher.mechanism.topology import FRAME
 
 # The unit of time of the velocities in the state: as long as a contact, so that the error
@@ -70,7 +77,7 @@ class MultiplierFormulation(AbstractFormulation):
         motion = moving(linkage, crank, *start_of(scene).eccentricities(scene))
         position, velocity = {}, {}
         for name in sorted(linkage.bodies.names, key=lambda name: name != linkage.crank):
-            pose = motion.pose(name)
+            pose = motion.poses.at(name)
             # A crank counts its turns.
             turned = jnp.arctan2(pose.axis.y, pose.axis.x)
             angle = crank.angle if name == linkage.crank else turned

@@ -39,19 +39,9 @@ def force_width(s: Snapshot, scene: Scene) -> Scalar:
     return stop_gradient(s.motion.linkage.mass) * acceleration_width(scene)
 
 
-def torque_width(s: Snapshot, scene: Scene) -> Scalar:
-    """Return the share of the torque of that force at the crank's pin, N m."""
-    return force_width(s, scene) * stop_gradient(scene.throw)
-
-
 def on_bore(s: Snapshot, scene: Scene, joint: str) -> Vector:
     """Return the force on the bore of a joint, N."""
     return s.accelerations.forces.at(joint)
-
-
-def on_pin(s: Snapshot, scene: Scene, joint: str) -> Vector:
-    """Return the force on the pin of a joint, N."""
-    return -on_bore(s, scene, joint)
 
 
 def shaking_force(s: Snapshot, scene: Scene) -> Vector:
@@ -257,19 +247,9 @@ def exciting_moment(s: Snapshot, scene: Scene) -> Scalar:
     return _moment(s, scene, fall, _past_frame(s, scene), s.accelerations.past_frame)
 
 
-def frame_displacement(s: Snapshot, scene: Scene) -> Vector:
-    """Return the displacement of G from where the frame is drawn, m."""
-    return _on_supports(s, scene)[0].displacement
-
-
-def frame_velocity(s: Snapshot, scene: Scene) -> Vector:
-    """Return the velocity of G, m/s."""
-    return _on_supports(s, scene)[0].velocity
-
-
-def frame_rotation(s: Snapshot, scene: Scene) -> Scalar:
-    """Return the rotation of the frame, rad."""
-    return _on_supports(s, scene)[0].rotation
+def _of_frame(s: Snapshot, scene: Scene, part: str) -> Vector | Scalar:
+    """Return a part of the frame's motion by its name in `FrameMotion`."""
+    return getattr(_on_supports(s, scene)[0], part)
 
 
 def transmitted_size(s: Snapshot, scene: Scene) -> Scalar:
@@ -287,7 +267,7 @@ def support_size(s: Snapshot, scene: Scene, side: str) -> Scalar:
 def frame_speed(s: Snapshot, scene: Scene) -> Scalar:
     """Return the speed of G, m/s."""
     width = stop_gradient(SPEED_WIDTH * scene.throw * scene.drive.speed)
-    return norm(frame_velocity(s, scene), width)
+    return norm(_on_supports(s, scene)[0].velocity, width)
 
 
 def observables_at(joint: str, prefix: str, place: str) -> dict[str, Observable]:
@@ -389,9 +369,11 @@ OF_SUPPORTS = {
     "transmitted_force": Observable(transmitted_force, "N", "force of the supports on the ground"),
     "exciting_force": Observable(exciting_force, "N", "force of the motion past the frame"),
     "exciting_moment": Observable(exciting_moment, "N m", "moment of the motion past the frame"),
-    "frame_displacement": Observable(frame_displacement, "m", "displacement of the frame's G"),
-    "frame_velocity": Observable(frame_velocity, "m/s", "velocity of the frame's G"),
-    "frame_rotation": Observable(frame_rotation, "rad", "rotation of the frame"),
+    "frame_displacement": Observable(
+        OfPart(_of_frame, "displacement"), "m", "displacement of the frame's G"
+    ),
+    "frame_velocity": Observable(OfPart(_of_frame, "velocity"), "m/s", "velocity of the frame's G"),
+    "frame_rotation": Observable(OfPart(_of_frame, "rotation"), "rad", "rotation of the frame"),
 }
 
 

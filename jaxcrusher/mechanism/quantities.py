@@ -5,17 +5,18 @@ supports. A template says what they are called, and adds what its machines alone
 """
 
 import functools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax.numpy as jnp
+from jax.lax import stop_gradient
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.basics.checks import require, require_names
+from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import Vector, or_zero, plus
 from jaxcrusher.basics.smooth import norm
-from jaxcrusher.joint.rollers import STATIC_PRESSURE, RollerBearing
+from jaxcrusher.joint.rollers import STATIC_PRESSURE
 from jaxcrusher.joint.validity import RollerLoad, Turning
 from jaxcrusher.mechanism import observables as seen
 from jaxcrusher.mechanism.observables import (
@@ -26,7 +27,6 @@ from jaxcrusher.mechanism.observables import (
     fatigue,
     force_at,
     force_width,
-    frame_displacement,
     frame_speed,
     ground_moment,
     on_bore,
@@ -35,7 +35,6 @@ from jaxcrusher.mechanism.observables import (
     static_load,
     stiffness_now,
     support_size,
-    torque_width,
     transmitted_size,
 )
 from jaxcrusher.mechanism.reductions import (
@@ -77,6 +76,20 @@ class Parts(NamedTuple):
     rests: bool = False
 
 
+class Asked(NamedTuple):
+    """What can be asked of a scene, and what limits its model besides contacts, by name."""
+
+    observables: Observables
+    usual: Statistics  # computed without being asked for
+    further: Statistics  # when asked; of a usual one the same
+    limits: Limits  # as far as statistics tell them
+
+    @property
+    def statistics(self) -> Statistics:
+        """Return all statistics, the usual ones first."""
+        return self.usual | self.further
+
+
 class Title(NamedTuple):
     """What results call a part: before their names, in their meanings, and in a sentence."""
 
@@ -113,10 +126,6 @@ def _largest_excursion(samples: Float[Array, "n 2"]) -> Scalar:
     return top(jnp.sqrt(x**2 + y**2))
 
 
-def _place_of_frame(s: Snapshot, scene: Scene) -> Float[Array, "2"]:
-    return frame_displacement(s, scene).array()
-
-
 # A place is smooth where forces are impacts, and 1024 instants a turn resolve it.
 _EXCURSION = Sampled(_largest_excursion, jnp.max)
 _CONTACT = ShareAboveZero()
@@ -151,10 +160,6 @@ def _of_rollers(joint: str, part: Title) -> Statistics:
     }
 
 
-def _roller_load(pressure: Scalar, load: Scalar) -> RollerLoad:
-    return RollerLoad(pressure / STATIC_PRESSURE, load)
-
-
 # Of the machine as a whole.
 OF_MACHINE = {
     # The force on the ground less its mean. Over a period the momentum comes back to itself, so
@@ -184,22 +189,17 @@ OF_SUPPORTS = {
         for side in ("left", "right")
     },
     "frame_displacement_peak": Statistic(
-        "m", "how far the frame's G comes from its mean place", _place_of_frame, _EXCURSION
+        "m",
+        "how far the frame's G comes from its mean place",
+        seen.OF_SUPPORTS["frame_displacement"],
+        _EXCURSION,
     ),
     "frame_velocity_rms": Statistic("m/s", "RMS of the speed of G", frame_speed, PowerMean(2)),
 }
 
 
-def may_rest(scene: Scene) -> bool:
-    """Return whether a free crank turns under friction, also of rollers, which might hold it."""
-    rubs = any(
-        joint.friction is not None or isinstance(joint, RollerBearing)
-        for joint in scene.joints.values
-    )
-    return rubs and scene.drive.initial() is not None
-
-
-def _position(s: Snapshot, scene: Scene, name: str) -> Vector:
+def position(s: Snapshot, scene: Scene, name: str) -> Vector:
+    """Return where a point is, or the mass centre of a body, by its name, m."""
     return s.motion.position(scene.point(name))
 
 
@@ -253,42 +253,12 @@ def _sizes(
 
 
 def _torque_size(s: Snapshot, scene: Scene) -> Scalar:
-    return _size(drive_torque(s, scene), torque_width(s, scene))
+    # The width is the torque of that of forces at the crank's pin.
+    return _size(drive_torque(s, scene), force_width(s, scene) * stop_gradient(scene.throw))
 
 
 def _seen(function: Any, part: str, unit: str, meaning: str) -> Observable:
     return Observable(OfPart(function, part), unit, meaning)
-
-
-def seen_of_linkage(parts: Parts) -> Observables:
-    """Return what is seen of joints, slides, bodies and points; vectors x to the right and y up.
-
-    Raises ValueError for names of parts of which two observables would have one name.
-    """
-    of_joints = {
-        f"{joint}_reaction": _seen(on_bore, joint, "N", f"force on the bore of {joint}")
-        for joint in parts.joints
-    }
-    found: Observables = {}
-    for slide in parts.slides:
-        found[f"{slide}_force"] = _seen(
-            _slide_force, slide, "N", f"force on the slide {slide}, to the left of its direction"
-        )
-        found[f"{slide}_moment"] = _seen(
-            _slide_moment, slide, "N m", f"moment on the slide {slide} about its body's origin"
-        )
-    for point in parts.points:
-        found[f"{point}_position"] = _seen(
-            _position, point, "m", f"place of {point}, from the frame"
-        )
-        found[f"{point}_velocity"] = _seen(
-            _velocity, point, "m/s", f"velocity of {point}, past the frame"
-        )
-        found[f"{point}_acceleration"] = _seen(
-            _acceleration, point, "m/s2", f"acceleration of {point}, past the ground"
-        )
-    _require_new(found, of_joints)
-    return of_joints | found
 
 
 def _require_new(found: Mapping[str, Any], others: Mapping[str, Any]) -> None:
@@ -297,22 +267,41 @@ def _require_new(found: Mapping[str, Any], others: Mapping[str, Any]) -> None:
     require(not twice, "slides and points", must, f"seen as {twice}")
 
 
-def asked_of_linkage(parts: Parts) -> tuple[Statistics, Statistics]:
-    """Return no usual statistics, and those of joints, slides, points and drive, when asked."""
-    found: Statistics = _sizes("drive_torque", "N m", "size of the drive torque", _torque_size)
+def own_of_linkage(parts: Parts) -> Asked:
+    """Return what is asked of joints, slides, bodies and points, and no usual statistics.
+
+    Vectors have x to the right and y up. Raises ValueError for names of parts of which two
+    observables would have one name.
+    """
+    of_joints: Observables = {}
+    found: Observables = {}
+    further = _sizes("drive_torque", "N m", "size of the drive torque", _torque_size)
     for joint in parts.joints:
-        found |= _sizes(f"{joint}_force", "N", f"force in {joint}", OfPart(force_at, joint))
+        meaning = f"force on the bore of {joint}"
+        of_joints[f"{joint}_reaction"] = _seen(on_bore, joint, "N", meaning)
+        further |= _sizes(f"{joint}_force", "N", f"force in {joint}", OfPart(force_at, joint))
     for slide in parts.slides:
-        found |= _sizes(f"{slide}_force", "N", f"force on {slide}", OfPart(_slide_size, slide))
+        found[f"{slide}_force"] = _seen(
+            _slide_force, slide, "N", f"force on the slide {slide}, to the left of its direction"
+        )
+        found[f"{slide}_moment"] = _seen(
+            _slide_moment, slide, "N m", f"moment on the slide {slide} about its body's origin"
+        )
+        further |= _sizes(f"{slide}_force", "N", f"force on {slide}", OfPart(_slide_size, slide))
     for point in parts.points:
+        found[f"{point}_position"] = _seen(
+            position, point, "m", f"place of {point}, from the frame"
+        )
+        found[f"{point}_velocity"] = _seen(
+            _velocity, point, "m/s", f"velocity of {point}, past the frame"
+        )
+        found[f"{point}_acceleration"] = _seen(
+            _acceleration, point, "m/s2", f"acceleration of {point}, past the ground"
+        )
         size = OfPart(_acceleration_size, point)
-        found |= _sizes(f"{point}_acceleration", "m/s2", f"acceleration of {point}", size)
-    return {}, found
-
-
-def no_limits(parts: Parts) -> Limits:
-    """Return no limits."""
-    return {}
+        further |= _sizes(f"{point}_acceleration", "m/s2", f"acceleration of {point}", size)
+    _require_new(found, of_joints)
+    return Asked(of_joints | found, {}, further, {})
 
 
 @dataclass(frozen=True)
@@ -329,11 +318,8 @@ class Template:
     origin: str = "the frame's origin"
     # The statistic by which errors of a motion are judged.
     leading: str = "shaking_rms"
-    # Besides those of loose joints, of the machine, of its crank and of its supports.
-    observables: Callable[[Parts], Observables] = seen_of_linkage
-    # Those that are computed without being asked for, and others.
-    statistics: Callable[[Parts], tuple[Statistics, Statistics]] = asked_of_linkage
-    limits: Callable[[Parts], Limits] = no_limits
+    # Besides what is asked of loose joints, of the machine, of its crank and of its supports.
+    own: Callable[[Parts], Asked] = own_of_linkage
     # How pictures show a scene; None: by its joints and points.
     outline: Callable[[Any], Any] | None = None
 
@@ -348,56 +334,53 @@ class Template:
 
 
 @functools.cache
-def observables_of(template: Template, parts: Parts) -> Observables:
-    """Return what can be observed of a scene, by name.
+def asked_of(template: Template, parts: Parts) -> Asked:
+    """Return what can be asked of a scene.
 
-    Raises ValueError as the template's own `observables` do, and for a name that is taken.
+    Raises ValueError as the template's `own` does, and for a name that is taken.
     """
-    found: Observables = {}
-    for joint, title in template.watched(parts).items():
-        found |= seen.observables_at(joint, title.prefix, title.title)
-    crank = template.crank
-    speed = Observable(crank_speed, "rad/s", f"speed of the {crank.words}")
-    others = seen.OF_MACHINE | {f"{crank.prefix}speed": speed}
+    own, crank, watched = template.own(parts), template.crank, template.watched(parts)
+    speed = f"{crank.prefix}speed"
+    others = seen.OF_MACHINE | {
+        speed: Observable(crank_speed, "rad/s", f"speed of the {crank.words}")
+    }
     others |= seen.OF_SUPPORTS if parts.supports else {}
-    own = template.observables(parts)
-    _require_new(own, found | others)
-    return found | own | others
+    of_joints: Observables = {}
+    for joint, at in watched.items():
+        of_joints |= seen.observables_at(joint, at.prefix, at.title)
+    _require_new(own.observables, of_joints | others)
 
-
-@functools.cache
-def usual_of(template: Template, parts: Parts) -> Statistics:
-    """Return the statistics of a scene that are computed without being asked for."""
-    found = template.statistics(parts)[0] | {"shaking_rms": OF_MACHINE["shaking_rms"]}
-    table = observables_of(template, parts)
-    for joint, title in template.watched(parts).items():
-        found |= _always_at(joint, title, table)
+    usual = own.usual | {"shaking_rms": OF_MACHINE["shaking_rms"]}
+    rests = {crank.title: (Turning, (f"{speed}_least",))} if parts.rests else {}
+    limits = own.limits | rests
+    for joint, at in watched.items():
+        usual |= _always_at(joint, at, of_joints)
     for joint in parts.rolling:
-        found |= _of_rollers(joint, template.joint(joint))
+        at = template.joint(joint)
+        usual |= _of_rollers(joint, at)
+        limits[f"{at.prefix}rollers"] = (
+            lambda pressure, load: RollerLoad(pressure / STATIC_PRESSURE, load),
+            (f"{at.prefix}roller_pressure", f"{at.prefix}static_load_ratio"),
+        )
     if parts.rests:
-        crank = template.crank
         meaning = f"least speed of a free {crank.words}, which friction does not hold at rest"
-        found[f"{crank.prefix}speed_least"] = Statistic("rad/s", meaning, crank_speed, LEAST)
-    return found
+        usual[f"{speed}_least"] = Statistic("rad/s", meaning, crank_speed, LEAST)
 
-
-@functools.cache
-def statistics_of(template: Template, parts: Parts) -> Statistics:
-    """Return all statistics of a scene, the usual ones first."""
-    found = usual_of(template, parts) | template.statistics(parts)[1] | OF_MACHINE
+    further = own.further | OF_MACHINE
     for joint in parts.loose:
         at, now = template.joint(joint), OfPart(stiffness_now, joint)
         meaning = f"mean of dF/de at {at.title}"
-        found[f"{at.prefix}bearing_stiffness"] = Statistic("N/m", meaning, now, PowerMean())
+        further[f"{at.prefix}bearing_stiffness"] = Statistic("N/m", meaning, now, PowerMean())
     for joint in parts.rubbing:
         at, wear = template.joint(joint), OfPart(_sliding_power, joint)
         meaning = f"mean of F_n |surface slip| at {at.title}: wear"
-        found[f"{at.prefix}sliding_power"] = Statistic("W", meaning, wear, PowerMean())
-    return found | (OF_SUPPORTS if parts.supports else {})
+        further[f"{at.prefix}sliding_power"] = Statistic("W", meaning, wear, PowerMean())
+    further |= OF_SUPPORTS if parts.supports else {}
+    return Asked(of_joints | own.observables | others, usual, further, limits)
 
 
 # What a scene may lack, and how its parts would be with it.
-_WITH: dict[str, Callable[[Parts], Parts]] = {
+LACKING: dict[str, Callable[[Parts], Parts]] = {
     "a clearance there": lambda parts: parts._replace(loose=parts.joints),
     "friction there": lambda parts: parts._replace(rubbing=parts.joints),
     "rollers there": lambda parts: parts._replace(rolling=parts.joints),
@@ -405,28 +388,3 @@ _WITH: dict[str, Callable[[Parts], Parts]] = {
     "a spring": lambda parts: parts._replace(springs=True),
     "a crank that may rest": lambda parts: parts._replace(rests=True),
 }
-
-
-def require_asked(
-    outputs: Any, table: Mapping[str, Any], template: Template, parts: Parts, *others: str
-) -> None:
-    """Check names of a scene's table, or `others`; ValueError says what an absent one needs."""
-    for name in () if isinstance(outputs, str) or not isinstance(outputs, Iterable) else outputs:
-        for lacking, change in _WITH.items() if name not in table else ():
-            whole = template, change(parts)
-            needs = name in observables_of(*whole) or name in statistics_of(*whole)
-            require(not needs, "outputs", f"ask for {name} only of a scene with {lacking}", "asked")
-    require_names("outputs", outputs, (*table, *others))
-
-
-@functools.cache
-def limits_of(template: Template, parts: Parts) -> Limits:
-    """Return what a scene's model is limited by besides contacts, as far as statistics tell it."""
-    found = template.limits(parts)
-    if parts.rests:
-        found |= {template.crank.title: (Turning, (f"{template.crank.prefix}speed_least",))}
-    for joint in parts.rolling:
-        at = template.joint(joint).prefix
-        names = f"{at}roller_pressure", f"{at}static_load_ratio"
-        found |= {f"{at}rollers": (_roller_load, names)}
-    return found

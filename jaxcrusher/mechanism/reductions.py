@@ -3,7 +3,7 @@
 import abc
 import functools
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -149,9 +149,9 @@ class AbstractFollowed(abc.ABC):
     def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
         """Return the number of a turn from equal steps that resolve it."""
 
-    @abc.abstractmethod
     def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
-        """Return the number over n equal pieces of a motion, of any length, from that of each."""
+        """Return the number over n equal pieces of a motion, from that of each: their mean."""
+        return jnp.mean(values)
 
 
 # Less than all that is seen, and yet a number of which there are differences.
@@ -245,10 +245,6 @@ class ShareAboveZero(AbstractFollowed):
         """Return the share of the samples; NaN where one is, which compares as one below zero."""
         return jnp.mean(jnp.where(jnp.isnan(samples), jnp.nan, (samples > 0).astype(float)))
 
-    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
-        """Return the mean."""
-        return jnp.mean(values)
-
 
 @dataclass(frozen=True)
 class RisesAboveZero(AbstractFollowed):
@@ -272,10 +268,6 @@ class RisesAboveZero(AbstractFollowed):
         """Count in samples that repeat."""
         rises = (jnp.roll(samples, 1) <= 0) & (samples > 0)
         return jnp.sum(jnp.where(rises, 1.0, 0.0))
-
-    def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
-        """Return the mean."""
-        return jnp.mean(values)
 
 
 LARGEST, PEAK, LEAST = Largest(), Largest(lowest=0.0), Least()
@@ -348,11 +340,6 @@ def top(samples: Float[Array, " n"]) -> Scalar:
 
 # What a program computes: it is compiled for the entries, since a name may get another one.
 Chosen = tuple[tuple[str, Statistic], ...]
-
-
-def chosen(table: Mapping[str, Statistic], names: Iterable[str]) -> Chosen:
-    """Return the entries that these names have now."""
-    return tuple((name, table[name]) for name in names)
 
 
 def _as_seen(samples: Array) -> Array:

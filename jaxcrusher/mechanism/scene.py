@@ -16,6 +16,7 @@ from jaxcrusher.basics.checks import (
     require,
     require_double,
     require_kind,
+    require_names,
     require_own_process,
     require_positive,
     require_x64,
@@ -24,29 +25,18 @@ from jaxcrusher.basics.plane import Vector, plus
 from jaxcrusher.basics.record import Printed
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.joint.rollers import RollerBearing
-from jaxcrusher.mechanism.acting import (
-    AbstractPush,
-    Acting,
-    Spring,
-    acting,
-    push_power,
-    spring_loss,
-)
+from jaxcrusher.mechanism.acting import AbstractPush, Spring
 from jaxcrusher.mechanism.drives import AbstractDrive
 from jaxcrusher.mechanism.linkage import Linkage, Point
-from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.quantities import (
+    LACKING,
+    Asked,
     Parts,
     Template,
-    limits_of,
-    may_rest,
-    observables_of,
-    require_asked,
-    statistics_of,
-    usual_of,
+    asked_of,
 )
-from jaxcrusher.mechanism.reductions import Chosen, Statistic, chosen
+from jaxcrusher.mechanism.reductions import Chosen, Statistic
 from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation, OnSupports
 from jaxcrusher.mechanism.topology import FRAME
@@ -108,7 +98,7 @@ class Scene(Printed):
             require(push.body in bodies, "pushes", must, f"at {push.body}")
         for body in (point.body for spring in self.springs for point in spring.ends):
             require(body in (*bodies, FRAME), "springs", f"{must}, {FRAME}", f"at {body}")
-        observables_of(self.template, self._parts)
+        asked_of(self.template, self._parts)  # which checks names
 
     @property
     def joints(self) -> Named[AbstractBearing]:
@@ -138,10 +128,6 @@ class Scene(Printed):
         """Return what stands before the names of a joint's results, such as "elbow_"."""
         return self.template.joint(joint).prefix
 
-    def title(self, joint: str) -> str:
-        """Return what a joint is called in the meanings of its results, such as "A"."""
-        return self.template.joint(joint).title
-
     @property
     def watched(self) -> tuple[str, ...]:
         """Return the joints of whose contact there are statistics, also of a first ideal one."""
@@ -168,47 +154,57 @@ class Scene(Printed):
         bearings = Named({**dict(self.bearings.items()), joint: bearing})
         return dataclasses.replace(self, bearings=bearings)
 
-    def applied(self, motion: Motion) -> Acting:
-        """Return what pushes and springs do to bodies, and by their reactions to the frame."""
-        pushes = [push.action(motion) for push in self.pushes]
-        return acting(motion, pushes, self.springs, self.supports)
-
     @property
     def _parts(self) -> Parts:
         loose, linkage = dict(self.joints.items()), self.linkage
+        rubbing = tuple(name for name, one in loose.items() if one.friction is not None)
+        rolling = tuple(name for name, one in loose.items() if isinstance(one, RollerBearing))
+        # Friction, also of rollers, might hold a free crank.
+        rests = bool(rubbing or rolling) and self.drive.initial() is not None
         return Parts(
             linkage.joints.names,
             tuple(loose),
-            tuple(name for name, one in loose.items() if one.friction is not None),
-            tuple(name for name, one in loose.items() if isinstance(one, RollerBearing)),
+            rubbing,
+            rolling,
             linkage.slides.names,
             tuple(dict.fromkeys((*linkage.bodies.names, *self.points.names))),
             self.supports is not None,
             bool(self.springs),
-            may_rest(self),
+            rests,
         )
+
+    @property
+    def _asked(self) -> Asked:
+        return asked_of(self.template, self._parts)
 
     @property
     def observables(self) -> Mapping[str, Observable]:
         """Return all that may be asked of an instant, by name."""
-        return observables_of(self.template, self._parts)
+        return self._asked.observables
 
     @property
     def statistics(self) -> Mapping[str, Statistic]:
         """Return all that may be asked of a motion, by name, with the user's own."""
-        return statistics_of(self.template, self._parts) | dict(self.own)
+        return self._asked.statistics | dict(self.own)
 
     @property
     def usual_statistics(self) -> tuple[str, ...]:
         """Return the names of those that are computed without being asked for."""
-        return (*usual_of(self.template, self._parts), *dict(self.own))
+        return (*self._asked.usual, *dict(self.own))
 
     def require_outputs(self, outputs: Any, table: Mapping[str, Any], *others: str) -> None:
         """Check that names are of one of the scene's tables, or `others`.
 
         Raises ValueError, which says what the scene lacks that would have a name.
         """
-        require_asked(outputs, table, self.template, self._parts, *others)
+        many = isinstance(outputs, Iterable) and not isinstance(outputs, str)
+        for name in outputs if many else ():
+            for lacking, change in LACKING.items() if name not in table else ():
+                whole = asked_of(self.template, change(self._parts))
+                needs = name in whole.observables or name in whole.statistics
+                must = f"ask for {name} only of a scene with {lacking}"
+                require(not needs, "outputs", must, "asked")
+        require_names("outputs", outputs, (*table, *others))
 
     @property
     def leading(self) -> str:
@@ -228,18 +224,13 @@ class Scene(Printed):
 
     def entries(self, names: Iterable[str] | None = None) -> Chosen:
         """Return the entries of these names; None: those of all that the scene has."""
-        return chosen(self.statistics, self.statistics if names is None else names)
-
-    @property
-    def works(self) -> Mapping[str, Callable[[Snapshot, "Scene"], Scalar]]:
-        """Return the powers (W) of pushes, and what dampers of springs take, by their work."""
-        springs = {f"{self.template.springs}loss": spring_loss} if self.springs else {}
-        return {"load_work": push_power} | springs
+        table = self.statistics
+        return tuple((name, table[name]) for name in (table if names is None else names))
 
     @property
     def limits(self) -> Mapping[str, tuple[Callable[..., Any], tuple[str, ...]]]:
         """Return what else the model is limited by: a verdict on statistics, and their names."""
-        return limits_of(self.template, self._parts)
+        return self._asked.limits
 
     def steady(self) -> "Scene":
         """Return the scene under pushes that repeat with the crank's turn: itself where they do.
@@ -340,12 +331,6 @@ def require_steady(scene: Scene) -> None:
     good = scene.steady() is scene
     must = "have a load that repeats each turn"
     require(good, "scene", must, "a rough feed (load_scatter)")
-
-
-def require_maker(scene: Callable[..., Scene]) -> None:
-    """Check that it is a function: of what it makes nothing is known yet."""
-    makes = "be a function that makes a scene of the parameters, such as jaxcrusher.paper_scene"
-    require(callable(scene), "scene", makes, f"a {type(scene).__name__}")
 
 
 def require_clearance(clearance, bore_radius, prefix: str = "") -> None:

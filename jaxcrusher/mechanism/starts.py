@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from functools import partial
-from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -18,8 +17,6 @@ from jaxcrusher.mechanism.motion import Crank, moving
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import AbstractScene, AbstractStart
 from jaxcrusher.mechanism.state import snapshot_of
-
-Scene = TypeVar("Scene", bound=AbstractScene)
 
 
 class Centred(AbstractStart):
@@ -123,7 +120,7 @@ class Given(AbstractStart):
         )
 
 
-def shifted_start(scene: Scene, offset: Vector, joint: str | None = None) -> Scene:
+def shifted_start(scene: AbstractScene, offset: Vector, joint: str | None = None) -> AbstractScene:
     """Return the scene with its start as numbers, a joint's pin `offset` clearances off it.
 
     The joint is the first one with clearance, if none is named. Scenes that differ in their start

@@ -1,22 +1,41 @@
-"""What stands where in a state of a scene, and the instant that follows from its motion."""
+"""What stands where in a state of a scene, and the instant that follows from its motion.
+
+A frame on supports has a state of its own here: its units, where it starts, and how it changes.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.lax import stop_gradient
 from jaxtyping import Int, PyTree, Scalar
 
+from jaxcrusher.basics.linear import solve_symmetric
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.basics.record import Record
 from jaxcrusher.joint.clearance import Contact
-from jaxcrusher.mechanism.drives import from_nearest_turn
+from jaxcrusher.mechanism.acting import acting
 from jaxcrusher.mechanism.equations import Accelerations, Forces
-from jaxcrusher.mechanism.frame import FrameState
-from jaxcrusher.mechanism.motion import Motion
+from jaxcrusher.mechanism.motion import Crank, Motion, moving
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import AbstractScene
-from jaxcrusher.mechanism.snapshot import FrameMotion, Snapshot
+from jaxcrusher.mechanism.snapshot import FrameMotion, Snapshot, frame_at
+from jaxcrusher.mechanism.topology import FRAME
+
+# Unit of a displacement on springs that do not give way, in throws of the crank.
+LEAST = 1e-6
+
+
+class FrameState(Record):
+    """State of a frame on supports, scaled to order one by `FrameUnits`."""
+
+    displacement: Vector  # of G from where all weight would push it straight down
+    rotation: Scalar
+    velocity: Vector  # m/s
+    spin: Scalar  # at the radius of gyration, m/s
 
 
 class Parts(NamedTuple):
@@ -37,7 +56,8 @@ def unwound(state: PyTree[Scalar]) -> PyTree[Scalar]:
     angle = state.parts.angle
     if angle is None:
         return state
-    return eqx.tree_at(lambda s: s.parts.angle, state, from_nearest_turn(angle))
+    whole = 2 * jnp.pi * jnp.round(angle / (2 * jnp.pi))
+    return eqx.tree_at(lambda s: s.parts.angle, state, angle - whole)
 
 
 def places_of(scene: AbstractScene) -> Parts:
@@ -66,7 +86,8 @@ def snapshot_of(
     what holds the bodies together, such as friction of a slide, belongs here: `solve` tells the
     reactions under any forces.
     """
-    applied, upright = scene.applied(motion), Vector(0.0, -scene.linkage.gravity)
+    applied = acting(motion, scene.pushes, scene.springs, scene.supports)
+    upright = Vector(0.0, -scene.linkage.gravity)
     forces = Forces(applied.wrenches, upright, contacts, torque)
     if frame is not None and (supports := scene.supports) is not None:
         wrenches = (*applied.wrenches, supports.wrench(frame))
@@ -89,3 +110,95 @@ def contacts_of(scene: AbstractScene, motion: Motion, memories: Named) -> Named[
             memories[name],
         )
     return Named(found)
+
+
+class FrameUnits(Record):
+    """Units of the coordinates of a frame: what its state is counted in."""
+
+    x: Scalar  # m
+    y: Scalar  # m
+    angle: Scalar  # rad
+    radius: Scalar  # of gyration, m
+    sag: Scalar  # by which springs give way straight down under all weight, m
+
+    def state(self, frame: FrameMotion) -> FrameState:
+        """Return the state of a motion."""
+        moved = Vector(frame.displacement.x / self.x, (frame.displacement.y + self.sag) / self.y)
+        rotation = frame.rotation / self.angle
+        return FrameState(moved, rotation, frame.velocity, self.radius * frame.spin)
+
+    def motion(self, state: FrameState) -> FrameMotion:
+        """Return the motion of a state, without accelerations."""
+        moved = Vector(self.x * state.displacement.x, self.y * state.displacement.y - self.sag)
+        spin = state.spin / self.radius
+        return frame_at(moved, self.angle * state.rotation, state.velocity, spin)
+
+
+def frame_units(scene: AbstractScene) -> FrameUnits:
+    """Return units in which a frame moves by numbers of order one, stiff or soft, light or heavy.
+
+    The unit of a displacement is the throw of the crank over 1 + (natural / running frequency)^2,
+    and a millionth of it more: so that the tolerance of an orbit stays above rounding where springs
+    are stiffer still. Units are no part of the model and have no slopes.
+    """
+    foundation, speed = scene.supports, scene.drive.speed
+    assert foundation is not None
+    throw = scene.throw
+    horizontal, vertical = foundation.horizontal_stiffness, foundation.vertical_stiffness
+
+    def unit(stiffness: Scalar, inertia: Scalar) -> Scalar:
+        return throw * (LEAST + 1 / (1 + stiffness / (inertia * speed**2)))
+
+    radius = jnp.sqrt(foundation.inertia / foundation.mass)
+    units = FrameUnits(
+        unit(2 * horizontal, foundation.mass),
+        unit(2 * vertical, foundation.mass),
+        unit(foundation.rotational_stiffness(), foundation.inertia) / radius,
+        radius,
+        _weight(scene) / (2 * vertical),
+    )
+    return stop_gradient(units)
+
+
+def _weight(scene: AbstractScene) -> Scalar:
+    """Return the weight of frame and bodies, N."""
+    foundation, linkage = scene.supports, scene.linkage
+    assert foundation is not None
+    return linkage.gravity * (foundation.mass + linkage.mass)
+
+
+def initial_frame(scene: AbstractScene) -> FrameState | None:
+    """Return the frame at rest where its supports carry all weight, or None if it is clamped.
+
+    The crank is at angle zero, its pins are in the middle of their bores. Rotations are small here.
+    """
+    foundation, linkage = scene.supports, scene.linkage
+    if foundation is None:
+        return None
+    still = jnp.zeros_like(scene.drive.speed)
+    motion = moving(linkage, Crank(still, still), Named(), Named())
+    moment = still
+    for name, body in linkage.bodies.items():
+        lever = motion.centre(name).x - foundation.point.x
+        moment = moment - body.mass * linkage.gravity * lever
+    (left, right), rigid = foundation.arms(), {}
+    horizontal, vertical = foundation.horizontal_stiffness, foundation.vertical_stiffness
+    rigid[0, 0], rigid[1, 1] = 2 * horizontal, 2 * vertical
+    rigid[2, 0], rigid[2, 1] = -horizontal * (left.y + right.y), vertical * (left.x + right.x)
+    rigid[2, 2] = foundation.rotational_stiffness()
+    x, y, angle = solve_symmetric(rigid, [still, -_weight(scene), moment])
+    frame = frame_at(Vector(x, y), angle, Vector(still, still), still)
+    return frame_units(scene).state(frame)
+
+
+def frame_rate(
+    scene: AbstractScene, frame: FrameMotion | None, accelerations: Accelerations
+) -> FrameState | None:
+    """Return the time derivative of the frame's state, or None if it is clamped."""
+    if frame is None:
+        return None
+    units = frame_units(scene)
+    second, spin_up = accelerations.centres.at(FRAME), accelerations.spin_ups.at(FRAME)
+    velocity = Vector(frame.velocity.x / units.x, frame.velocity.y / units.y)
+    turning = frame.spin / units.angle, units.radius * spin_up
+    return FrameState(velocity, turning[0], second.along(frame.axis), turning[1])

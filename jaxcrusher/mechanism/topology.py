@@ -27,11 +27,6 @@ class Dyad(NamedTuple):
     second_joint: str
     meeting: str
 
-    @property
-    def held_by(self) -> tuple[str, str, str]:
-        """Return the joints that hold it, and its slide."""
-        return self.first_joint, self.second_joint, self.meeting
-
 
 class Branch(NamedTuple):
     """A body of a tree, what it hangs on, and by which joint."""

@@ -7,6 +7,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
@@ -31,7 +32,7 @@ class Section(eqx.Module, AbstractOverTurns):
     With the default formulation a state has of each loose joint in turn (e_x / c, e_y / c, e_x',
     e_y') in 1 and m/s, and behind them the memory of a tracked impact velocity, m/s, if the joint
     has one. Behind all joints stand those of a free shaft, and the six of a frame on supports, in
-    the units of `jaxcrusher.mechanism.frame.FrameUnits`. NaN from a failure on.
+    the units of `jaxcrusher.mechanism.state.FrameUnits`. NaN from a failure on.
     """
 
     states: Float[Array, "turns dims"]
@@ -77,11 +78,13 @@ def advance(
 class Slices(eqx.Module):
     """A slice of a motion or several: state x, parameters p, and m, kept of each statistic."""
 
-    jacobians: Float[Array, "*slices dims dims"]  # dx_after / dx_before
-    forcing: Float[Array, "*slices dims n"]  # dx_after / dp
-    values: dict[str, PyTree[Float[Array, "..."]]]  # m, as `of_slices` takes it
-    by_state: dict[str, PyTree[Float[Array, "... dims"]]]  # dm / dx_before
-    by_parameter: dict[str, PyTree[Float[Array, "... n"]]]  # dm / dp
+    jacobians: Float[Array | np.ndarray, "*slices dims dims"]  # dx_after / dx_before
+    forcing: Float[Array | np.ndarray, "*slices dims n"]  # dx_after / dp
+    # m, by name or of one, as `of_slices` takes it
+    values: PyTree[Float[Array | np.ndarray, "..."]]
+    by_state: PyTree[Float[Array | np.ndarray, "... dims"]]  # dm / dx_before
+    by_parameter: PyTree[Float[Array | np.ndarray, "... n"]]  # dm / dp
+    failure: str = eqx.field(static=True, default="")  # why and when they ended early, if known
 
 
 class Sloped(eqx.Module):

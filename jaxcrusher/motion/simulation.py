@@ -23,7 +23,8 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.machine import JOINTS
 from jaxcrusher.crusher.template import CRUSHER
 from jaxcrusher.mechanism import observables
-from jaxcrusher.mechanism.quantities import Parts, observables_of
+from jaxcrusher.mechanism.acting import push_power, spring_loss
+from jaxcrusher.mechanism.quantities import Parts, asked_of
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.motion.flow import Flow, unflattened
 from jaxcrusher.motion.method import Method, resolve, warn_of_slopes
@@ -37,6 +38,7 @@ WORKS = {
     "drive_work": observables.drive_power,
     "contact_loss": observables.contact_loss,
     "friction_loss": observables.friction_loss,
+    "load_work": push_power,
 }
 ENERGIES = {
     "kinetic": observables.kinetic_energy,
@@ -45,13 +47,17 @@ ENERGIES = {
 }
 # What `simulate` can report of any crusher. One with further loose joints, on supports or with a
 # tension rod has more: `scene.observables` has all, with units.
-OUTPUTS = (*observables_of(CRUSHER, Parts(JOINTS, ())), "energy")
+OUTPUTS = (*asked_of(CRUSHER, Parts(JOINTS, ())).observables, "energy")
 
 
 def _works(scene: AbstractScene) -> dict[str, Callable]:
     """Return the powers of a scene's ledger: drive, loads, contacts, dampers."""
-    found = WORKS | dict(scene.works)
-    return found | ({} if scene.supports is None else {"support_loss": observables.support_loss})
+    found = dict(WORKS)
+    if scene.springs:
+        found[f"{scene.template.springs}loss"] = spring_loss
+    if scene.supports is not None:
+        found["support_loss"] = observables.support_loss
+    return found
 
 
 class Energy(Printed):

@@ -29,20 +29,6 @@ def same(_: Array, scene: AbstractScene) -> AbstractScene:
     return scene
 
 
-class Tangents(eqx.Module):
-    """Consecutive slices: state x, parameters p, and m, what each keeps of the statistic.
-
-    NaN from a failure on.
-    """
-
-    jacobians: Float[np.ndarray, "slices dims dims"]  # dx_after / dx_before
-    forcing: Float[np.ndarray, "slices dims n"]  # dx_after / dp
-    values: PyTree[Float[np.ndarray, "slices ..."]]  # m, as `of_slices` takes it
-    by_state: PyTree[Float[np.ndarray, "slices ... dims"]]  # dm / dx_before
-    by_parameter: PyTree[Float[np.ndarray, "slices ... n"]]  # dm / dp
-    failure: str = ""  # why and when it ended early
-
-
 def tangents(
     build: Build,
     point: Float[Array, " n"],
@@ -50,11 +36,12 @@ def tangents(
     state: Float[ArrayLike, " dims"],
     turns: int,
     rtol: float,
-) -> Tangents:
-    """Return the tangents of `turns` turns of `build(point)` from the section point `state`.
+) -> Slices:
+    """Return the slices of `turns` turns of `build(point)` from the section point `state`.
 
-    The tangents are integrated beside the motion, under the same tolerance. Every call runs the
-    same compiled turn, whatever its length, tolerance, state and point.
+    They are NumPy arrays, the values those of the one `metric`, and NaN from a failure on. The
+    tangents are integrated beside the motion, under the same tolerance. Every call runs the same
+    compiled turn, whatever its length, tolerance, state and point.
     """
     state, parts, outcome = jnp.asarray(state), [], fine()
     outputs = build(point).entries((metric,))
@@ -65,7 +52,7 @@ def tangents(
         parts.append(part)
         outcome = first_failure(outcome, after)
     along = jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
-    return Tangents(
+    return Slices(
         along.jacobians,
         along.forcing,
         along.values[metric],
@@ -107,7 +94,7 @@ def slices_apart(
 
 
 def changes(
-    parts: Tangents, moved: Float[np.ndarray, "dims n"]
+    parts: Slices, moved: Float[np.ndarray, "dims n"]
 ) -> PyTree[Float[np.ndarray, "slices ... n"]]:
     """dm/dp of each slice, if dx/dp is `moved` at the beginning.
 

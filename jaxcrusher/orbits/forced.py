@@ -18,12 +18,12 @@ from jaxtyping import Array, ArrayLike, Float, Scalar
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation, EccentricityState, JointState
-from jaxcrusher.mechanism.frame import FrameState, frame_units, initial_frame
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.scene import AbstractScene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import resting
+from jaxcrusher.mechanism.state import FrameState, frame_units, initial_frame
 from jaxcrusher.periodic.system import System
 from jaxcrusher.periodic.trigonometric import differentiation, evaluate, nodes, resample
 

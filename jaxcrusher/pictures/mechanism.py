@@ -1,10 +1,11 @@
-"""Any mechanism to scale: its bodies between their joints, and the forces on them.
+"""Any mechanism to scale, as a picture or a film: bodies between joints, and the forces on them.
 
 A crusher has outlines for the eye, and beside it the magnified clearances of A, B and C.
 """
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import equinox as eqx
@@ -13,10 +14,11 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Array, Float, Scalar
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, HTMLWriter, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
-from jaxcrusher.basics.checks import require
+from jaxcrusher.basics.checks import require, require_choice, require_whole
 from jaxcrusher.basics.plane import Arm
 from jaxcrusher.crusher.outline import (
     BLUE,
@@ -31,6 +33,7 @@ from jaxcrusher.crusher.outline import (
     Shape,
 )
 from jaxcrusher.crusher.outline import DRAWN as DRAWN
+from jaxcrusher.files.durable import writing
 from jaxcrusher.mechanism.linkage import Linkage, Point
 from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.scene import Scene
@@ -47,6 +50,7 @@ OUTLINED = {**ARROW, "width": 0.007, "edgecolor": "w", "linewidth": 0.5}
 _BOX = {"boxstyle": "round,pad=0.1", "facecolor": "w", "edgecolor": "none", "alpha": 0.8}
 SYMBOL: dict[str, Any] = {"fontsize": 12, "fontweight": "bold", "zorder": 6, "bbox": _BOX}
 SYMBOL |= {"textcoords": "offset points", "xytext": (0, 0), "ha": "center", "va": "center"}
+SUFFIXES = (".gif", ".html", ".mp4")  # of films
 _HATCHED: dict[str, Any] = {"facecolor": "w", "edgecolor": "k", "hatch": "////"}
 
 
@@ -72,6 +76,56 @@ def plot_mechanism(
     ax = plt.subplots(figsize=(8, 6.4), layout="constrained")[1] if ax is None else ax
     Drawing(scene, trajectory, ax, [instant]).show(instant)
     return ax
+
+
+def animate(
+    scene: Scene,
+    trajectory: Trajectory,
+    path: str | Path,
+    *,
+    instants: Sequence[int] | None = None,
+    frames_per_second: int = 20,
+    dpi: float = 80,
+) -> None:
+    """Write a film of the mechanism, a picture for each of `instants` (None: all times, by index).
+
+    The suffix of `path` chooses: `.gif`; `.html`, one page with a player (the icons on its buttons
+    come from the network); or `.mp4`, which needs ffmpeg. What is drawn: see
+    `plot_mechanism`; one scale of the arrows holds for all pictures.
+    The times shown should be equally spaced.
+
+    Raises ValueError for another suffix, for .mp4 without ffmpeg, and as `plot_mechanism` does.
+    """
+    path = Path(path)
+    require_whole("frames_per_second", frames_per_second, 1)
+    writer = _writer(path.suffix, frames_per_second)
+    fig, ax = plt.subplots(figsize=(8, 6.4), layout="constrained")
+    try:
+        shown = range(len(trajectory.time)) if instants is None else instants
+        drawing = Drawing(scene, trajectory, ax, shown)
+        drawing.show(shown[0])
+        # Laid out once: the pictures must not wobble.
+        fig.draw_without_rendering()
+        fig.set_layout_engine("none")
+        # Not FuncAnimation, which draws every picture three times.
+        with writing(path) as partial, writer.saving(fig, str(partial), dpi):
+            for instant in shown:
+                drawing.show(instant)
+                writer.grab_frame()
+    finally:
+        plt.close(fig)
+
+
+def _writer(suffix: str, frames_per_second: int) -> AbstractMovieWriter:
+    require_choice("path", suffix, SUFFIXES)
+    if suffix == ".gif":
+        return PillowWriter(fps=frames_per_second)
+    if suffix == ".html":
+        # Without a limit: matplotlib drops the pictures beyond it with no more than a log line.
+        return HTMLWriter(fps=frames_per_second, embed_frames=True, embed_limit=float("inf"))
+    there = FFMpegWriter.isAvailable()
+    require(there, "path", "end in .gif or .html where ffmpeg is not installed", suffix)
+    return FFMpegWriter(fps=frames_per_second)
 
 
 class Drawing:
@@ -271,7 +325,8 @@ class _Magnified:
         limits = (-1.35, 1.35)
         inset.set(xlim=limits, ylim=limits, aspect="equal", xticks=[], yticks=[], facecolor=JAW)
         inset.set_title(
-            f"{scene.title(joint)}: {1e3 * clearance:g} mm, times {times:g}", fontsize=9
+            f"{scene.template.joint(joint).title}: {1e3 * clearance:g} mm, times {times:g}",
+            fontsize=9,
         )
         inset.add_patch(Circle((0, 0), 1, facecolor="w", edgecolor="k", linewidth=1.5))
         inset.add_patch(Circle((0, 0), gap, fill=False, edgecolor="0.4", linestyle="--"))

@@ -269,7 +269,7 @@ def _on_frame(scene: AbstractScene) -> Forces:
     about = "G" if scene.supports is not None else "the foundation's point"
     if scene.foundation is None:
         about = scene.template.origin
-    bearing = scene.title(scene.linkage.bearing)
+    bearing = scene.template.joint(scene.linkage.bearing).title
     levels = {
         f"exciting moment about {about}": place,
         f"exciting moment at the shaft's level, about {bearing}": _bearing(scene),

@@ -10,7 +10,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics import checks, devices, setup
-from jaxcrusher.crusher.observables import bearing_stiffness
+from jaxcrusher.mechanism.observables import bearing_stiffness
 from jaxcrusher.orbits.result import RESULTS, missing
 from jaxcrusher.scenes.build import build_chamber
 from tests.pairs import slow

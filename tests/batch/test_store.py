@@ -26,12 +26,11 @@ from jaxcrusher.batch.store import ChunkStore, Layout, Memory
 from jaxcrusher.batch.sweep import columns_of_row, plan
 from jaxcrusher.crusher.template import STATISTIC, STATISTICS
 from jaxcrusher.files.table import Column
-from jaxcrusher.mechanism.reductions import chosen
 from jaxcrusher.scenes.build import Crusher
 
 # The store alone is filled with made-up numbers: no JAX in it, so that it can be killed often.
 AXES_OF_NUMBERS = {"speed": (28.0, 30.0, 33.0), "clearance": (4e-5, 6e-5)}
-COLUMNS = columns_of_row({"main": ""}, chosen(STATISTIC, STATISTICS))
+COLUMNS = columns_of_row({"main": ""}, tuple((name, STATISTIC[name]) for name in STATISTICS))
 LAYOUT = Layout(Grid(AXES_OF_NUMBERS, {}, Crusher()), COLUMNS, (1, 2))
 SETTINGS = {"turns": 1, "base": {"friction": 0.1}}
 SIZES = (1, 900)  # bytes: inside a chunk's first file, inside its marker

@@ -9,15 +9,15 @@ import numpy as np
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.crusher import observables as ob
+from jaxcrusher.crusher import template as ob
 from jaxcrusher.crusher.machine import JOINTS
 from jaxcrusher.mechanism import observables as general
 from jaxcrusher.mechanism.acting import push_power, spring_loss
 from jaxcrusher.mechanism.drives import CrankState
-from jaxcrusher.mechanism.frame import frame_units
 from jaxcrusher.mechanism.multiplier import MultiplierFormulation
 from jaxcrusher.mechanism.snapshot import frame_at
 from jaxcrusher.mechanism.starts import Given
+from jaxcrusher.mechanism.state import frame_units
 from jaxcrusher.mechanism.topology import FRAME
 
 LOOSE = {f"{joint}.clearance": 1e-4 for joint in ("elbow", "pivot")}

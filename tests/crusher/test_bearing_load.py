@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.observables import bearing_stiffness
 from jaxcrusher.joint.validity import RollerLoad
+from jaxcrusher.mechanism.observables import bearing_stiffness
 
 ROLLERS = {"contact_law": "rollers", "start": "contact"}
 

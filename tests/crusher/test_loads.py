@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Arm, Vector
-from jaxcrusher.crusher import observables as ob
+from jaxcrusher.crusher import template as ob
 from jaxcrusher.crusher.loads import (
     AbstractLoad,
     ClosingStroke,

@@ -12,7 +12,8 @@ from jaxcrusher.dynamics import slopes
 from jaxcrusher.dynamics.judgement import judge
 from jaxcrusher.dynamics.slopes import fit_slopes, gradient_report
 from jaxcrusher.motion import method
-from jaxcrusher.motion.tangents import SLICES, Tangents
+from jaxcrusher.motion.section import Slices
+from jaxcrusher.motion.tangents import SLICES
 from tests.dynamics.systems import lorenz
 
 
@@ -266,7 +267,7 @@ def test_halves_that_are_alike_by_chance_do_not_make_a_tangent_precise():
     quarters = np.repeat([1.0, 3.0, 3.0, 1.0], 8)[:, None]
     nothing = np.zeros((32, 4, 4)), np.zeros((32, 4, 1))
     means = (np.ones(32),), (np.zeros((32, 4)),), (quarters,)
-    along = Tangents(*nothing, *means)
+    along = Slices(*nothing, *means)
     slope, error = slopes._tangent(along, STATISTIC["foundation_mean"])
     # The standard error of four numbers about their mean.
     np.testing.assert_allclose([slope[0], error[0]], [2.0, 1 / np.sqrt(3)], rtol=1e-12)
@@ -278,7 +279,7 @@ def test_windows_of_any_number_of_turns_have_a_tangent(turns):
     count = turns * SLICES
     nothing = np.zeros((count, 4, 4)), np.zeros((count, 4, 1))
     means = (np.ones(count),), (np.zeros((count, 4)),), (np.ones((count, 1)),)
-    along = Tangents(*nothing, *means)
+    along = Slices(*nothing, *means)
     slope, error = slopes._tangent(along, STATISTIC["foundation_mean"])
     np.testing.assert_allclose([slope[0], error[0]], [1.0, 0.0], atol=1e-12)
 

@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxcrusher.motion.bearing_sheet import bearing_sheet, bearings_of, outputs_of
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Arm, Vector
@@ -20,6 +19,7 @@ from jaxcrusher.mechanism.observables import bearing_stiffness
 from jaxcrusher.mechanism.scene import later, require_steady
 from jaxcrusher.mechanism.starts import Centred
 from jaxcrusher.motion.turns import run_turns
+from jaxcrusher.sheets.bearing_sheet import bearing_sheet, bearings_of, outputs_of
 
 STATIC, DYNAMIC, SPEED = 2e4, 1.5e4, 900.0
 

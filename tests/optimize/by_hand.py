@@ -9,7 +9,6 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.batch.sweep import columns_of_row
 from jaxcrusher.crusher.template import STATISTIC, STATISTICS
-from jaxcrusher.mechanism.reductions import chosen
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 from optimize.answer import Answer, Orbit
 from optimize.report import print_answer
@@ -58,7 +57,9 @@ def rows_of_three_runs():
     """From both starts, in contact all the time."""
     rows = {
         name: np.ones((2, 3))
-        for name in columns_of_row({"main": ""}, chosen(STATISTIC, STATISTICS))
+        for name in columns_of_row(
+            {"main": ""}, tuple((name, STATISTIC[name]) for name in STATISTICS)
+        )
     }
     return rows | {
         "state": np.zeros((2, 3, 4)),

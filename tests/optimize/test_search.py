@@ -25,7 +25,6 @@ from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, Validity
-from jaxcrusher.mechanism.reductions import chosen
 from optimize import (
     bound,
     confirm,
@@ -609,7 +608,9 @@ def test_the_limits_of_every_loose_joint_are_kept():
     free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))
     case = resolve(Options(design=free)).case
     usual = jc.build_scene({"pivot.clearance": 5e-5}).usual_statistics
-    columns = columns_of_row({"main": "", "pivot": "pivot_"}, chosen(STATISTIC, usual))
+    columns = columns_of_row(
+        {"main": "", "pivot": "pivot_"}, tuple((name, STATISTIC[name]) for name in usual)
+    )
     rows = {name: np.zeros((2, 3)) for name in columns} | {
         "state": np.zeros((2, 3, 8)),
         "objective": np.ones((2, 3)),

@@ -31,8 +31,7 @@ from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.motion.simulation import OUTPUTS, Trajectory
 from jaxcrusher.pictures import plots
-from jaxcrusher.pictures.film import animate
-from jaxcrusher.pictures.mechanism import DRAWN, Drawing, plot_mechanism
+from jaxcrusher.pictures.mechanism import DRAWN, Drawing, animate, plot_mechanism
 from jaxcrusher.scenes.build import build_linkage
 
 ROOT = Path(__file__).parents[2]
