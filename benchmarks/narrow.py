@@ -6,15 +6,15 @@ import equinox as eqx
 from jaxtyping import Scalar
 
 from jaxcrusher.joint.normal import AbstractNormalLaw
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 
-Machine = TypeVar("Machine", bound=AbstractScene)
+Machine = TypeVar("Machine", bound=Scene)
 
 
 def narrow(scene: Machine) -> Machine:
     """Return a scene with a hundredth of the widths that smooth contacts' corners and |e|."""
 
-    def widths(scene: AbstractScene) -> list[Scalar]:
+    def widths(scene: Scene) -> list[Scalar]:
         found = []
         for _, joint in scene.joints.items():
             assert isinstance(joint.normal, AbstractNormalLaw)

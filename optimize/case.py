@@ -14,7 +14,7 @@ from jaxtyping import Array, ArrayLike, Float, Scalar
 from jaxcrusher.batch.sweep import columns_of_row, limited_joints
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.scenes.build import LINKS, build_chamber
 from optimize.design import Design
 from optimize.limits import Limit
@@ -40,7 +40,7 @@ class Case:
     limits: tuple[Limit, ...] = ()
 
     @cached_property
-    def scene(self) -> AbstractScene:
+    def scene(self) -> Scene:
         """The scene in the middle of the box: parts and names are those of every other one."""
         with jax.ensure_compile_time_eval():  # it may be asked for while a program is traced
             return self.design.scene(np.full(len(self.design.names), 0.5))

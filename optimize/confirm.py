@@ -12,7 +12,7 @@ import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import stroke, stroke_ratio
 from jaxcrusher.mechanism.linkage import Linkage
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.statistics import limits_of
 from optimize import orbits
 from optimize.answer import Confirmed, Crushing, Orbit, Runs
@@ -111,7 +111,7 @@ def confirmed(
     )
 
 
-def _crushing(case: Case, scene: AbstractScene, unit: np.ndarray) -> Crushing | None:
+def _crushing(case: Case, scene: Scene, unit: np.ndarray) -> Crushing | None:
     if case.chamber is None:
         return None
     sizes = scene.joints.values[0].clearance, case.capacity(unit)

@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import concrete, require, require_known
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.scenes.parameters import MOMENTS, check_number
 from optimize.completions import CounterweightMoment, EqualStroke
 
@@ -117,7 +117,7 @@ class Design:
         """For concrete points: a loop that is not compiled once is compiled at every call."""
         return jax.jit(self._complete)
 
-    def scene(self, unit: Float[Array | np.ndarray, " n"]) -> AbstractScene:
+    def scene(self, unit: Float[Array | np.ndarray, " n"]) -> Scene:
         """The scene at a point of the unit box, which may be traced.
 
         Raises ValueError (concrete points only) outside the box and for a machine that cannot
@@ -125,7 +125,7 @@ class Design:
         """
         return self.build(self.description(unit))
 
-    def build(self, described: Mapping[str, Any]) -> AbstractScene:
+    def build(self, described: Mapping[str, Any]) -> Scene:
         """The scene of a completed description; raises as `scene` does."""
         return self.machine.structure.scene(described)
 

@@ -15,7 +15,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import chunk_of, run_all
 from jaxcrusher.batch.sweep import limited_joints, row_of
 from jaxcrusher.files.journal import Journal
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import shifted_start
 from optimize import counts
 from optimize.case import Case
@@ -91,7 +91,7 @@ def started(
     values: Mapping[str, Any],
     start: str,
     shift: Iterable[ArrayLike] = (0.0, 0.0),
-) -> AbstractScene:
+) -> Scene:
     """The scene of the free parameters' values from one of the `STARTS`, `shift` clearances off.
 
     With the start as numbers, the scenes of all starts run as one program. A rough feed's motions
@@ -107,17 +107,17 @@ _shifted = eqx.filter_jit(shifted_start)  # one program in place of a hundred
 @eqx.filter_jit
 def stacked_scenes(
     case: Case, units: Float[Array, "points n"], shifts: Float[Array, "points 2"]
-) -> AbstractScene:
+) -> Scene:
     """The scenes of all points from one start, then from the other, stacked."""
 
-    def one(unit: Array, shift: Array, start: str) -> AbstractScene:
+    def one(unit: Array, shift: Array, start: str) -> Scene:
         return started(case.design, case.design.values(unit), start, shift)
 
     parts = [jax.vmap(eqx.Partial(one, start=start))(units, shifts) for start in STARTS]
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 
-def _row(batch: tuple[AbstractScene, Array], case: Case, window: Window) -> dict[str, Array]:
+def _row(batch: tuple[Scene, Array], case: Case, window: Window) -> dict[str, Array]:
     """Return the row of a scene at a point of the unit box."""
     scene, unit = batch
     outputs = tuple(dict.fromkeys((*case.told, *case.objective.outputs)))

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from jaxcrusher.basics.checks import require, require_known
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.units import typed_in
 
@@ -33,7 +33,7 @@ class Limit:
         return np.asarray(found[self.statistic]) <= self.most * (1 + share)
 
 
-def read_limits(written: Iterable[tuple[str, str]], scene: AbstractScene) -> tuple[Limit, ...]:
+def read_limits(written: Iterable[tuple[str, str]], scene: Scene) -> tuple[Limit, ...]:
     """Return the limits of pairs of a statistic's name and its most, with the unit.
 
     Raises ValueError for a name that the scene has no statistic of, for one given twice, and for a

@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 import jaxcrusher as jc
 from jaxcrusher.batch.engines import chunk_of, run_all, stack
 from jaxcrusher.files.table import Column, dataset
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.simulation import Trajectory, leading_force
 from optimize.answer import Confirmed
 from optimize.case import Case
@@ -37,7 +37,7 @@ KEPT = {
 }
 
 
-def drawn(scene: AbstractScene) -> tuple[str, str]:
+def drawn(scene: Scene) -> tuple[str, str]:
     """Return the observables that are drawn of a motion: the force, and where the first pin is."""
     return leading_force(scene), f"{scene.prefix(scene.joints.names[0])}eccentricity"
 
@@ -103,7 +103,7 @@ def design_motions(
     return [{start: next(each) for start in one.transient} for one in designs]
 
 
-def _drawn(batch: tuple[AbstractScene, Array, Array]) -> Trajectory:
+def _drawn(batch: tuple[Scene, Array, Array]) -> Trajectory:
     scene, state, times = batch
     return jc.simulate(scene, times, outputs=drawn(scene), state=state, rtol=FINE)
 
@@ -112,7 +112,7 @@ def _size(force: Array) -> Array:
     return force if force.ndim == 1 else jnp.hypot(force[:, 0], force[:, 1])
 
 
-def _motion(batch: tuple[AbstractScene, Array], angles: Float[Array, " n"], rtol: float):
+def _motion(batch: tuple[Scene, Array], angles: Float[Array, " n"], rtol: float):
     """One motion at these shaft angles (rad), and its steps."""
     scene, state = batch
     times = angles / scene.drive.speed

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, PyTree, Scalar
 import jaxcrusher as jc
 from jaxcrusher.dynamics.many_orbits import MOTION, Problem, alone, beside, solve_orbits
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES
@@ -80,13 +80,11 @@ def _problem(case: Case) -> Problem:
     return Problem(*parts, 1, unknowns(case.scene))
 
 
-def _scene(unit: Array, _: PyTree, case: Case) -> AbstractScene:
+def _scene(unit: Array, _: PyTree, case: Case) -> Scene:
     return case.design.scene(unit)
 
 
-def _objective(
-    orbit: PeriodicOrbit, scene: AbstractScene, unit: Array, _: PyTree, case: Case
-) -> Scalar:
+def _objective(orbit: PeriodicOrbit, scene: Scene, unit: Array, _: PyTree, case: Case) -> Scalar:
     return case.objective.formula(orbit, scene, case.chamber_of(case.design.description(unit)))
 
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from jaxcrusher.basics.checks import require, require_choice, require_within
 from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
 from jaxcrusher.files.journal import digest_of
-from jaxcrusher.mechanism.scene import AbstractScene, require_clearance
+from jaxcrusher.mechanism.scene import Scene, require_clearance
 from jaxcrusher.scenes.build import Crusher, build_chamber, build_scene
 from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.own_laws import with_digests
@@ -69,7 +69,7 @@ class Searched(NamedTuple):
 
     machine: Machine  # as it was given, but for its start
     design: Design
-    scene: AbstractScene  # of one of the designs
+    scene: Scene  # of one of the designs
     chamber: CrushingChamber | None  # None of a linkage that is no crusher
     capacity_floor: float  # m3/h
     reference: dict[str, float]  # the free numbers of the design to compare with

@@ -19,7 +19,7 @@ from benchmarks.stability.drawn_run import run_kinds
 from benchmarks.stability.free_orbits import by_free_bodies
 from benchmarks.stability.judgement import AGREES, DISAGREES, OUTSIDE, REFUSED
 from jaxcrusher.files.results import results_folder, write_table
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.parameters import complete
 from jaxcrusher.scenes.reader import read_machine
@@ -51,7 +51,7 @@ class Row:
 def judged(
     name: str,
     i: int,
-    make: Callable[[], AbstractScene],
+    make: Callable[[], Scene],
     round_it: Callable[[PeriodicOrbit], tuple[float, float]],
 ) -> Row:
     """Solve for the orbit of a drawn machine, and integrate it once round."""
@@ -123,7 +123,7 @@ class Answer:
     again_s: float
 
 
-def answered(machine: str, make: Callable[[], AbstractScene]) -> Answer:
+def answered(machine: str, make: Callable[[], Scene]) -> Answer:
     """Ask for an orbit twice: the second time nothing is compiled."""
     spent, words = [], ""
     for _ in range(2):
@@ -145,7 +145,7 @@ def run_answers(out: Path, seed: int, count: int) -> None:
     """Time answers of examples and of as many drawn crushers; write stability_answers.csv."""
     folder, rows = results_folder(out), []
     kinds = [kind for kind in KINDS if kind.choices.get("formulation") != "multiplier"]
-    makes: dict[str, Callable[[], AbstractScene]] = {
+    makes: dict[str, Callable[[], Scene]] = {
         path.stem: read_machine(path).scene for path in sorted(Path("examples").glob("*.toml"))
     }
     makes["pe900x1200 without load"] = read_machine(

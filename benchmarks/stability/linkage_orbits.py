@@ -7,7 +7,7 @@ from benchmarks.stability.drawn_orbits import VERDICTS, Row, judged
 from benchmarks.stability.drawn_run import run_kinds
 from benchmarks.stability.free_orbits import by_free_bodies
 from benchmarks.stability.mechanisms import FAMILIES, Drawn, Family, mechanism
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.result import PeriodicOrbit
 
 SLOW = 0.3  # every other mechanism turns at this share of the drawn speed, to keep contact
@@ -22,7 +22,7 @@ def run_linkage_orbits(out: Path, seed: int, count: int) -> None:
         return replace(found, machine=found.machine.replace(**slow))
 
     def row(family: Family, i: int) -> Row:
-        def make() -> AbstractScene:
+        def make() -> Scene:
             return drawn(family, i).machine.scene()
 
         def round_it(orbit: PeriodicOrbit) -> tuple[float, float]:

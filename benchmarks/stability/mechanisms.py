@@ -20,7 +20,7 @@ from benchmarks.peers.any_linkage import AnyLinkage
 from benchmarks.stability import drawn_run
 from benchmarks.stability.judgement import AGREES, DISAGREES, REFUSED
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.scenes.linkages import Drawing
@@ -193,7 +193,7 @@ def by_peer(one: Drawn, e: dict[str, complex], rtol: float) -> Trajectory:
     return Trajectory(jnp.asarray(TIMES), fine(), jax.tree.map(jnp.asarray, seen))
 
 
-def motion(scene: AbstractScene, names: tuple[str, ...], rtol: float) -> Trajectory:
+def motion(scene: Scene, names: tuple[str, ...], rtol: float) -> Trajectory:
     """Return 30 ms of a motion, and its ledger."""
     method = jc.Method(max_steps=drawn_run.MOST_STEPS)
     return jc.simulate(scene, TIMES, outputs=(*names, "energy"), rtol=rtol, method=method)

@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.files.journal import text_of
-from jaxcrusher.mechanism.scene import AbstractScene, require_scene
+from jaxcrusher.mechanism.scene import Scene, require_scene
 from jaxcrusher.scenes.machine import AbstractStructure, Machine, OwnFunction, scene_by
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import CHOICES, FILES, PARAMETERS, WHOLE, Parameter, check_number
@@ -98,7 +98,7 @@ class Grid:
         for number, design in enumerate(first.tolist()):
             yield self.choices(design), np.flatnonzero(group == number).tolist()
 
-    def scene(self, design: int) -> AbstractScene:
+    def scene(self, design: int) -> Scene:
         """Return the scene of one design."""
         numbers = {name: float(column[0]) for name, column in self.numbers([design]).items()}
         return scene_by(self.structure, {**numbers, **self.choices(design)})

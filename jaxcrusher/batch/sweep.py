@@ -39,7 +39,7 @@ from jaxcrusher.files.provenance import environment, now
 from jaxcrusher.files.provenance import machine as computer
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
 from jaxcrusher.mechanism.reductions import Chosen
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.method import require_tolerance, resolve
 from jaxcrusher.motion.statistics import Statistics, over_turns
 from jaxcrusher.scenes.earlier import axes_first
@@ -55,7 +55,7 @@ _LIMITS = ("half_width_ratio", "impact_speed_ratio", "delivered_restitution")
 
 @axes_first
 def sweep(
-    machine: Machine | Callable[..., AbstractScene],
+    machine: Machine | Callable[..., Scene],
     axes: Mapping[str, Any],
     settle_turns: int,
     turns: int,
@@ -128,7 +128,7 @@ class Window:
     rtol: float
     statistics: Chosen
 
-    def __call__(self, scene: AbstractScene) -> dict[str, jax.Array]:
+    def __call__(self, scene: Scene) -> dict[str, jax.Array]:
         """Return the values of `columns_of_row` for one design."""
         method = resolve(scene, self.rtol)
         own = tuple((name, one) for name, one in self.statistics if name in scene.statistics)
@@ -262,7 +262,7 @@ def plan(
     return Ensemble(layout, window, engine)
 
 
-def limited_joints(scene: AbstractScene) -> dict[str, str]:
+def limited_joints(scene: Scene) -> dict[str, str]:
     """Return the joints whose limits stand in a row, each with the prefix of its names."""
     return {joint: scene.prefix(joint) for joint in scene.watched}
 

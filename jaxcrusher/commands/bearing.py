@@ -30,7 +30,7 @@ from jaxcrusher.joint.rollers import (
     RollerBearing,
     clearance_class,
 )
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
 from jaxcrusher.scenes.units import all_said, units_of
 from jaxcrusher.sheets.bearing_sheet import (
@@ -68,7 +68,7 @@ def run(options: Bearing, console: Console) -> int:
     settings = settings_of("bearing", machine, over=axes, joint=first, **numbers)
     folder = begin_beside(options.results.folder, settings, "bearing.csv")
 
-    def ended(cases: Sequence[tuple[str, AbstractScene]]) -> dict[int, tuple[str, Turns]]:
+    def ended(cases: Sequence[tuple[str, Scene]]) -> dict[int, tuple[str, Turns]]:
         """Run crushers; say why some fail, and return the others by their place."""
         how = {"settle": options.settle, "turns": options.turns}
         runs = []

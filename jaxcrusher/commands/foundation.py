@@ -27,7 +27,7 @@ from jaxcrusher.files.results import listed, write_figure, write_json, write_tab
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import digits, with_scatter
 from jaxcrusher.mechanism.reductions import require_orders
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.supports import Clamped
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
 from jaxcrusher.orbits.solving import NODES
@@ -97,7 +97,7 @@ def run(options: Foundation, console: Console) -> int:
     if not scene.is_ideal:
         outputs = outputs_of(scene)
 
-        def run_of(one: AbstractScene, seconds: float) -> Turns:
+        def run_of(one: Scene, seconds: float) -> Turns:
             how = {"settle": options.settle, "turns": options.turns, "seconds": seconds}
             return run_turns(one, outputs, **how)
 
@@ -202,7 +202,7 @@ def _speeds(options: Foundation, speed: float) -> tuple[float, float]:
     return low, high
 
 
-def quiet(scene: AbstractScene) -> AbstractScene:
+def quiet(scene: Scene) -> Scene:
     """Return the machine with ideal joints, and without what closes inside it.
 
     Forces and springs push the frame as they push its bodies, whose motion is given: the ground
@@ -211,7 +211,7 @@ def quiet(scene: AbstractScene) -> AbstractScene:
     return dataclasses.replace(scene.ideal(), pushes=(), springs=())
 
 
-def run_up(scene: AbstractScene, speeds: np.ndarray) -> dict[str, np.ndarray]:
+def run_up(scene: Scene, speeds: np.ndarray) -> dict[str, np.ndarray]:
     """Return the RMS of what shakes over the speed with ideal joints, N.
 
     These have an orbit at every speed, and shake as a quiet motion with clearance does. A frame on
@@ -235,7 +235,7 @@ def run_up(scene: AbstractScene, speeds: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def draw(
-    scene: AbstractScene,
+    scene: Scene,
     speeds: np.ndarray,
     curves: Mapping[str, np.ndarray],
     loose: Mapping[str, np.ndarray],
@@ -331,7 +331,7 @@ def grids(rows: Sequence[Row]) -> dict[str, list[tuple[str, ...]]]:
     return found
 
 
-def page(scene: AbstractScene, rows: Sequence[Row], head: dict[str, str], picture: str) -> str:
+def page(scene: Scene, rows: Sequence[Row], head: dict[str, str], picture: str) -> str:
     """Return the printable page."""
     return (
         Environment(autoescape=True)

@@ -14,7 +14,7 @@ from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.commands.options import Crusher, Ranges
 from jaxcrusher.files.results import write_mat, write_netcdf, write_text
 from jaxcrusher.files.table import as_csv
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.own_laws import is_own, with_digests
 from jaxcrusher.scenes.parameters import key_of
@@ -48,7 +48,7 @@ def borrowed_by(crusher: Crusher, found: Machine) -> list[str]:
 
 def variants_of(
     found: Machine, values: Mapping[str, Any], units: Mapping[str, str]
-) -> tuple[dict[str, AbstractScene], list[str]]:
+) -> tuple[dict[str, Scene], list[str]]:
     """Return scenes with half and twice of what is assumed, and say which of them cannot be.
 
     Of a coefficient of restitution they have half and twice of what an impact loses: 0.95 and 0.8

@@ -22,7 +22,7 @@ from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json
 from jaxcrusher.files.resume import begin_beside
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.pictures.plots import force_size, pins_and_force
@@ -57,7 +57,7 @@ def run(options: Orbit, console: Console) -> int:
     }
 
     @eqx.filter_jit
-    def build(numbers: dict[str, Any]) -> AbstractScene:
+    def build(numbers: dict[str, Any]) -> Scene:
         return found.scene(**numbers)
 
     # Not under `jax.jit`: the program that solves for the orbit serves its slopes too.

@@ -23,7 +23,7 @@ from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import Column, vector_columns
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.simulation import Trajectory, leading_force
 from jaxcrusher.motion.statistics import Statistics
@@ -93,7 +93,7 @@ def run(options: Simulate, console: Console) -> int:
     return 1 if failure else 0
 
 
-def _statistics(scene: AbstractScene, settle: int, turns: int, rtol: float) -> Statistics:
+def _statistics(scene: Scene, settle: int, turns: int, rtol: float) -> Statistics:
     """As a batch of one, since lanes compile in half the time."""
     function = eqx.Partial(jc.statistics, settle_turns=settle, turns=turns, rtol=rtol)
     return jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), jc.map_all(function, stack([scene])))
@@ -120,7 +120,7 @@ def _settle(options: Simulate, span: float) -> int:
     return options.settle
 
 
-def dataset(motion: Trajectory, scene: AbstractScene, values: dict[str, Any]) -> xr.Dataset:
+def dataset(motion: Trajectory, scene: Scene, values: dict[str, Any]) -> xr.Dataset:
     """Return the motion with units, long names and provenance."""
     table = dict(motion.known)
     seen = [name for name in table if name in motion.values]
@@ -140,9 +140,7 @@ def dataset(motion: Trajectory, scene: AbstractScene, values: dict[str, Any]) ->
     return table_of.dataset(("time",), arrays, kept, coordinates, attributes)
 
 
-def draw(
-    motion: Trajectory, scene: AbstractScene, drawn: np.ndarray, units: dict[str, str]
-) -> Figure:
+def draw(motion: Trajectory, scene: Scene, drawn: np.ndarray, units: dict[str, str]) -> Figure:
     """An orbit for each joint with clearance, and the leading force, at the instants `drawn`."""
     shown, joints = leading_force(scene), scene.joints.names
     names = (shown, *(f"{scene.prefix(joint)}eccentricity" for joint in joints))
@@ -178,9 +176,7 @@ def scattered(summary: Statistics, leading: str) -> str:
     )
 
 
-def closing(
-    motion: Trajectory, summary: Statistics | None, settle: int, scene: AbstractScene
-) -> str:
+def closing(motion: Trajectory, summary: Statistics | None, settle: int, scene: Scene) -> str:
     """RMS of the leading force and of what shakes, peak, contact, whirl and model, on one line."""
     names = tuple(dict.fromkeys((scene.leading, "shaking_rms")))
 

@@ -15,7 +15,7 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all, stack
 from jaxcrusher.dynamics.regime import LEAST_TURNS, NOISE
 from jaxcrusher.files.table import COLUMNS, columns_of, dataset
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.state import pins_of, places_of
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.indicators import detect_period, spread_trend
@@ -31,7 +31,7 @@ FLAGS = ("success", "whirl", "settled", "period")
 
 @unnamed("value")
 def bifurcation(
-    machine: Machine | Callable[..., AbstractScene],
+    machine: Machine | Callable[..., Scene],
     name: str,
     values: ArrayLike | Sequence[float],
     *,
@@ -112,7 +112,7 @@ def bifurcation(
 
 
 def _run(
-    scene: AbstractScene, state: Array | None = None, *, settle: int, turns: int, rtol: float
+    scene: Scene, state: Array | None = None, *, settle: int, turns: int, rtol: float
 ) -> Section:
     return poincare_section(scene, settle, turns, state=state, outputs=of_whirl(scene), rtol=rtol)
 

@@ -21,7 +21,7 @@ from jaxcrusher.batch.points import make_grid
 from jaxcrusher.batch.store import Layout, opened
 from jaxcrusher.files.table import COLUMNS, digits
 from jaxcrusher.lanes.code import LANES
-from jaxcrusher.mechanism.scene import AbstractScene, require_scene, require_steady
+from jaxcrusher.mechanism.scene import Scene, require_scene, require_steady
 from jaxcrusher.mechanism.state import pins_of
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.orbits.oscillation import NEAR, Oscillation, distance, oscillation_about, section_of
@@ -90,7 +90,7 @@ class CoexistingOrbits:
 
 
 def coexisting_orbits(
-    scene: AbstractScene, *, starts: int = 32, spread: float = 0.5, turns: int = 1000, seed: int = 0
+    scene: Scene, *, starts: int = 32, spread: float = 0.5, turns: int = 1000, seed: int = 0
 ) -> CoexistingOrbits:
     """Find the stable orbits that `starts` random starts come to, and solve for each.
 
@@ -166,7 +166,7 @@ def _require_asked(starts: int, spread: float, turns: int, seed: int) -> None:
 
 
 def _shifted(
-    scene: AbstractScene, pins: Int[np.ndarray, " half"], starts: int, spread: float, seed: int
+    scene: Scene, pins: Int[np.ndarray, " half"], starts: int, spread: float, seed: int
 ) -> Float[np.ndarray, "starts dims"]:
     """Return section points about the scene's start, evenly over a disc at each joint.
 
@@ -183,7 +183,7 @@ def _shifted(
     return begun
 
 
-def _repeated(scene: AbstractScene, count: int) -> AbstractScene:
+def _repeated(scene: Scene, count: int) -> Scene:
     return jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *np.shape(leaf))), scene)
 
 
@@ -208,7 +208,7 @@ def _shortest(oscillations: _Oscillations) -> Oscillation:
 class _Known:
     """The orbits of a scene that are known so far, and the searches that failed."""
 
-    def __init__(self, scene: AbstractScene, orbits: list[PeriodicOrbit]) -> None:
+    def __init__(self, scene: Scene, orbits: list[PeriodicOrbit]) -> None:
         self.scene, self.orbits = scene, orbits
         self._sections = [section_of(orbit) for orbit in orbits]
         self._failures: list[np.ndarray] = []
@@ -285,7 +285,7 @@ HELD = (
 
 @axes_first
 def basin_map(
-    machine: Machine | Callable[..., AbstractScene],
+    machine: Machine | Callable[..., Scene],
     axes: Mapping[str, Any],
     *,
     starts: int = 32,

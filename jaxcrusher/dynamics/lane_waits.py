@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from jaxcrusher.batch.engines import Engine, run_all
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.lanes.code import LANES
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.indicators import CHAOS, ENOUGH, spread_trend, verdict, widest, zero_one_test
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import fine
@@ -67,7 +67,7 @@ class LaneWaits:
 
     def __init__(
         self,
-        scene: Callable[[Array, PyTree], AbstractScene],
+        scene: Callable[[Array, PyTree], Scene],
         cases: Cases,
         engine: Engine | None,
         journal: Journal | None,
@@ -76,7 +76,7 @@ class LaneWaits:
         self._scene, self._cases, self._tell = scene, cases, tell
         self._settings, self._journal = {"engine": engine, "whole": LANES}, journal
         self._at: dict[int, np.ndarray] = {}  # states
-        self._scenes: dict[int, AbstractScene] = {}
+        self._scenes: dict[int, Scene] = {}
         self._seen: dict[int, list[dict[str, np.ndarray]]] = {}
 
     def go_on(self, which: Int[np.ndarray, " some"], turns: int) -> None:

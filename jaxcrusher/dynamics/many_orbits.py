@@ -22,7 +22,7 @@ from jaxcrusher.basics.record import words
 from jaxcrusher.batch.engines import Engine, run_all, without_lanes
 from jaxcrusher.dynamics.lane_waits import Cases, LaneWaits
 from jaxcrusher.files.journal import Journal
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit
@@ -67,8 +67,8 @@ class Problem(eqx.Module):
     once for all cases.
     """
 
-    scene: Callable[[Array, PyTree], AbstractScene]
-    number: Callable[[PeriodicOrbit, AbstractScene, Array, PyTree], Scalar]
+    scene: Callable[[Array, PyTree], Scene]
+    number: Callable[[PeriodicOrbit, Scene, Array, PyTree], Scalar]
     period: int = eqx.field(static=True)
     dims: int = eqx.field(static=True)  # of an orbit: two a loose joint, three a frame on supports
 

@@ -16,7 +16,7 @@ from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import Layout, opened
 from jaxcrusher.dynamics.many_orbits import MOTION, SEEN, Problem, Rows, beside, solve_orbits
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES, SETTLED
@@ -26,7 +26,7 @@ from jaxcrusher.scenes.machine import AbstractStructure, Machine, machine_of, sc
 
 @axes_first
 def orbit_map(
-    machine: Machine | Callable[..., AbstractScene],
+    machine: Machine | Callable[..., Scene],
     axes: Mapping[str, Any],
     *,
     period: int = 1,
@@ -131,14 +131,12 @@ def _scene(
     slopes: tuple[str, ...],
     structure: AbstractStructure,
     choices: Mapping[str, str],
-) -> AbstractScene:
+) -> Scene:
     numbers = rest | {name: free[i] for i, name in enumerate(slopes)}
     return scene_by(structure, {**numbers, **choices})
 
 
-def _metric(
-    orbit: PeriodicOrbit, scene: AbstractScene, free: Array, rest: PyTree, name: str
-) -> Scalar:
+def _metric(orbit: PeriodicOrbit, scene: Scene, free: Array, rest: PyTree, name: str) -> Scalar:
     return orbit[name]
 
 
@@ -158,9 +156,7 @@ def _solved(
     )
 
 
-def _layout(
-    grid: Grid, scenes: list[AbstractScene], slopes: tuple[str, ...], metric: str
-) -> Layout:
+def _layout(grid: Grid, scenes: list[Scene], slopes: tuple[str, ...], metric: str) -> Layout:
     """Return the columns that all designs have: of an ideal joint there are fewer."""
     held = set.intersection(*(set(scene.statistics) for scene in scenes))
     table = scenes[0].statistics

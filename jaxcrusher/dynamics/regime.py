@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from jaxcrusher.basics.checks import require, require_untraced, require_whole
 from jaxcrusher.basics.integrate import Outcome
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
-from jaxcrusher.mechanism.scene import AbstractScene, require_scene
+from jaxcrusher.mechanism.scene import Scene, require_scene
 from jaxcrusher.mechanism.state import pins_of
 from jaxcrusher.motion.flow import initial_state
 from jaxcrusher.motion.indicators import (
@@ -66,7 +66,7 @@ class Regime:
 
 
 def regime(
-    scene: AbstractScene,
+    scene: Scene,
     settle_turns: int = 200,
     turns: int = 1000,
     *,
@@ -99,7 +99,7 @@ def regime(
 
 
 def classify(
-    scene: AbstractScene,
+    scene: Scene,
     settle_turns: int,
     turns: int,
     rtol: float,
@@ -165,7 +165,7 @@ def judged(
     return Regime(name, tuple(evidence), found, exponents, zero_one, trend, summary, points[-1])
 
 
-def _orbit_in_contact(scene: AbstractScene, record: Section) -> PeriodicOrbit | None:
+def _orbit_in_contact(scene: Scene, record: Section) -> PeriodicOrbit | None:
     """The stable motion of one turn that the record swings about without leaving contact."""
     kept = all(
         bool(jnp.all(record.values[f"{scene.prefix(joint)}contact_fraction"] >= ALL_THE_TIME))
@@ -180,7 +180,7 @@ def _orbit_in_contact(scene: AbstractScene, record: Section) -> PeriodicOrbit | 
     return orbit if swing.is_about(section_of(orbit)) else None
 
 
-def _record(scene: AbstractScene, settle_turns: int, turns: int, rtol: float) -> Section:
+def _record(scene: Scene, settle_turns: int, turns: int, rtol: float) -> Section:
     """Section points, and what tells contact and a whirl; a whirl or a failure ends it early.
 
     Turn by turn: one program serves any number of them.

@@ -29,7 +29,7 @@ from jaxcrusher.batch.engines import map_all
 from jaxcrusher.dynamics.judgement import FITS, Slope, judge
 from jaxcrusher.dynamics.regime import Regime, classify
 from jaxcrusher.mechanism.reductions import Statistic
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.method import require_tolerance
@@ -95,7 +95,7 @@ class GradientReport:
 
 
 def gradient_report(
-    machine: Machine | Callable[..., AbstractScene],
+    machine: Machine | Callable[..., Scene],
     metric: str,
     parameters: Mapping[str, float] | Sequence[str],
     *,

@@ -26,7 +26,7 @@ from jaxcrusher.identification.model import (
     residual_rows,
 )
 from jaxcrusher.mechanism.reductions import require_orders
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.earlier import of_description
 from jaxcrusher.scenes.machine import Machine, machine_of
@@ -260,7 +260,7 @@ class Identified:
 
 @of_description
 def identify(
-    machine: Machine | Callable[..., AbstractScene],
+    machine: Machine | Callable[..., Scene],
     measured: Path | str | Iterable[Path | str | Measurement],
     free: Sequence[str] | Mapping[str, float],
     *,

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.identification.measurements import RMS, WHOLE, Measurement
 from jaxcrusher.mechanism.reductions import SAMPLES
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.turns import SIDES
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit, turns_of
@@ -93,7 +93,7 @@ class Quantities:
         return What(tuple(sorted(observables)), max(orders), tuple(sorted(statistics)))
 
 
-def quantities_of(scene: AbstractScene) -> Quantities:
+def quantities_of(scene: Scene) -> Quantities:
     """Return what a scene shows."""
     observables = {name: one.unit for name, one in scene.observables.items()}
     statistics = {name: one.unit for name, one in scene.statistics.items()}

@@ -12,7 +12,7 @@ from jaxcrusher.basics.checks import require, require_names, require_positive
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.identification.model import What, look, quantities_of, require_continuous
 from jaxcrusher.mechanism.reductions import require_orders
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.earlier import of_description
 from jaxcrusher.scenes.machine import Machine, machine_of
@@ -26,7 +26,7 @@ TINY = np.finfo(float).tiny
 
 @of_description
 def propagate(
-    machine: Machine | Callable[..., AbstractScene],
+    machine: Machine | Callable[..., Scene],
     orbit: PeriodicOrbit,
     sigmas: Mapping[str, float | tuple[float, float]],
     *,

@@ -14,7 +14,7 @@ from jaxcrusher.mechanism.drives import CrankState
 from jaxcrusher.mechanism.equations import solve
 from jaxcrusher.mechanism.motion import moving
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
+from jaxcrusher.mechanism.scene import AbstractFormulation, Scene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
 from jaxcrusher.mechanism.state import (
@@ -58,7 +58,7 @@ class EccentricityState(Record):
 class EccentricityFormulation(AbstractFormulation):
     """Kane's equations in eccentricities, and in the spins of what is held together."""
 
-    def initial(self, scene: AbstractScene) -> EccentricityState:
+    def initial(self, scene: Scene) -> EccentricityState:
         """Return what the scene's start says, with crank and frame at theirs."""
 
         def one(joint: AbstractBearing, e: Vector, rate: Vector) -> JointState:
@@ -67,7 +67,7 @@ class EccentricityFormulation(AbstractFormulation):
         joints = scene.joints.map(one, *start_of(scene).eccentricities(scene))
         return EccentricityState(joints, scene.drive.initial(), initial_frame(scene))
 
-    def snapshot(self, time: Scalar, state: EccentricityState, scene: AbstractScene) -> Snapshot:
+    def snapshot(self, time: Scalar, state: EccentricityState, scene: Scene) -> Snapshot:
         """Return an instant: places first, then the forces, then the accelerations."""
         parts = state.parts
         frame = None if parts.frame is None else frame_units(scene).motion(parts.frame)
@@ -77,9 +77,7 @@ class EccentricityFormulation(AbstractFormulation):
         torque = scene.drive.torque(time, motion.crank)
         return snapshot_of(scene, motion, contacts, torque, frame, solve)
 
-    def rate(
-        self, snapshot: Snapshot, state: EccentricityState, scene: AbstractScene
-    ) -> EccentricityState:
+    def rate(self, snapshot: Snapshot, state: EccentricityState, scene: Scene) -> EccentricityState:
         """Return e' and e'', and the rates of crank and frame."""
         found = snapshot.accelerations
 
@@ -93,6 +91,6 @@ class EccentricityFormulation(AbstractFormulation):
         crank = scene.drive.rate(snapshot.motion.crank, found.past_frame(scene.linkage.crank))
         return EccentricityState(joints, crank, frame_rate(scene, snapshot.frame, found))
 
-    def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
+    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
         """Return the same: the state is e / c itself, and all else is of order one."""
         return rtol

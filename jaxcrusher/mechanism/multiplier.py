@@ -20,7 +20,7 @@ from jaxcrusher.mechanism.equations import Accelerations, Forces, Guiding
 from jaxcrusher.mechanism.linkage import Joint, Slide
 from jaxcrusher.mechanism.motion import Crank, Motion, Pose, moving
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractFormulation, AbstractScene
+from jaxcrusher.mechanism.scene import AbstractFormulation, Scene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import start_of
 from jaxcrusher.mechanism.state import (
@@ -70,7 +70,7 @@ class MultiplierFormulation(AbstractFormulation):
     alpha: Scalar = eqx.field(converter=scalar, default=20.0)
     beta: Scalar = eqx.field(converter=scalar, default=20.0)
 
-    def initial(self, scene: AbstractScene) -> MultiplierState:
+    def initial(self, scene: Scene) -> MultiplierState:
         """Return the scene's start, on the constraints to rounding."""
         linkage, drive = scene.linkage, scene.drive
         crank = drive.crank(scalar(0.0), drive.initial())
@@ -87,7 +87,7 @@ class MultiplierFormulation(AbstractFormulation):
         memories = scene.joints.map(lambda joint: joint.initial_memory())
         return MultiplierState(Named(position), Named(velocity), memories, initial_frame(scene))
 
-    def snapshot(self, time: Scalar, state: MultiplierState, scene: AbstractScene) -> Snapshot:
+    def snapshot(self, time: Scalar, state: MultiplierState, scene: Scene) -> Snapshot:
         """Return an instant: solve (20) for the accelerations and the multipliers."""
         frame = None if state.frame is None else frame_units(scene).motion(state.frame)
         motion = _motion(scene, state)
@@ -96,9 +96,7 @@ class MultiplierFormulation(AbstractFormulation):
         solve = functools.partial(self._solved, time, scene)
         return snapshot_of(scene, motion, contacts, torque, frame, solve)
 
-    def _solved(
-        self, time: Scalar, scene: AbstractScene, motion: Motion, acting: Forces
-    ) -> Accelerations:
+    def _solved(self, time: Scalar, scene: Scene, motion: Motion, acting: Forces) -> Accelerations:
         linkage, torque, contacts = scene.linkage, acting.torque, acting.contacts
         bodies = _Bodies(motion, acting)
         gaps = {name: bodies.gap(joint) for name, joint in linkage.joints.items()}
@@ -136,9 +134,7 @@ class MultiplierFormulation(AbstractFormulation):
             functools.reduce(jnp.maximum, [jnp.abs(off) for off, _, _ in kept], none),
         )
 
-    def rate(
-        self, snapshot: Snapshot, state: MultiplierState, scene: AbstractScene
-    ) -> MultiplierState:
+    def rate(self, snapshot: Snapshot, state: MultiplierState, scene: Scene) -> MultiplierState:
         """Return velocities and accelerations, q' and q''."""
         found, frame = snapshot.accelerations, snapshot.frame
         second = {}
@@ -164,7 +160,7 @@ class MultiplierFormulation(AbstractFormulation):
             frame_rate(scene, frame, found),
         )
 
-    def tolerance(self, scene: AbstractScene, rtol: Scalar | float) -> Scalar | float:
+    def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
         """Return a tolerance of positions of some 1 m against the clearance, above rounding.
 
         With ideal joints it is one against the throw of the crank.
@@ -173,7 +169,7 @@ class MultiplierFormulation(AbstractFormulation):
         return jnp.maximum(rtol * functools.reduce(jnp.minimum, sizes), 2e-14)
 
 
-def _motion(scene: AbstractScene, state: MultiplierState) -> Motion:
+def _motion(scene: Scene, state: MultiplierState) -> Motion:
     """Return the motion of a state; its loose joints have the eccentricities that they show."""
     linkage, poses = scene.linkage, {}
     for name, at in state.position.items():
@@ -282,7 +278,7 @@ class _Bodies:
         return row if self.frame is None else {**row, 3 * self.names.index(FRAME) + 2: -one}
 
 
-def _off(scene: AbstractScene, time: Scalar, motion: Motion) -> tuple[Scalar, Scalar, Scalar]:
+def _off(scene: Scene, time: Scalar, motion: Motion) -> tuple[Scalar, Scalar, Scalar]:
     """Return how far a driven crank is off its drive, its rate, and less what it should change."""
     wanted, crank = scene.drive.crank(time, None), motion.crank
     asked = jnp.zeros_like(time) if wanted.acceleration is None else -wanted.acceleration

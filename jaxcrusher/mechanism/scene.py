@@ -266,9 +266,6 @@ class Scene(Printed):
         return not self.is_ideal or self.supports is not None
 
 
-AbstractScene = Scene
-
-
 def later(scene: Scene, angle: Any) -> Scene:
     """Return the scene whose time zero is when the crank has turned by `angle` (rad).
 

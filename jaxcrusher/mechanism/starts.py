@@ -15,14 +15,14 @@ from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.mechanism.equations import solve
 from jaxcrusher.mechanism.motion import Crank, moving
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractScene, AbstractStart
+from jaxcrusher.mechanism.scene import AbstractStart, Scene
 from jaxcrusher.mechanism.state import snapshot_of
 
 
 class Centred(AbstractStart):
     """e = e' = 0 relative to the ideal motion, the paper's initial condition: a hard start."""
 
-    def eccentricities(self, scene: AbstractScene) -> tuple[Named[Vector], Named[Vector]]:
+    def eccentricities(self, scene: Scene) -> tuple[Named[Vector], Named[Vector]]:
         """Return zero and zero."""
         none = scene.joints.map(lambda _: Vector(0.0, 0.0))
         return none, none
@@ -55,7 +55,7 @@ class InContact(AbstractStart):
 
     refinements: int = eqx.field(static=True, default=2)
 
-    def eccentricities(self, scene: AbstractScene) -> tuple[Named[Vector], Named[Vector]]:
+    def eccentricities(self, scene: Scene) -> tuple[Named[Vector], Named[Vector]]:
         """Return them by collocation at nine instants, within 0.1 rad about time zero."""
         points, matrix = _chebyshev(9)
         times = 0.1 / scene.drive.speed * points
@@ -78,7 +78,7 @@ def resting(
     e: Named[Vector],
     rate: Named[Vector],
     curvature: Named[Vector],
-    scene: AbstractScene,
+    scene: Scene,
 ) -> Named[Vector]:
     """Return the eccentricities that carry the forces of a motion whose pins are e off their bores.
 
@@ -108,7 +108,7 @@ class Given(AbstractStart):
     relative: Named[Vector] = eqx.field(converter=_named)  # in clearances
     rate: Named[Vector] = eqx.field(converter=_named, default_factory=Named)  # m/s
 
-    def eccentricities(self, scene: AbstractScene) -> tuple[Named[Vector], Named[Vector]]:
+    def eccentricities(self, scene: Scene) -> tuple[Named[Vector], Named[Vector]]:
         """Return them as given."""
         loose, still = scene.joints.names, Vector(0.0, 0.0)
         for name in (*self.relative.names, *self.rate.names):
@@ -120,7 +120,7 @@ class Given(AbstractStart):
         )
 
 
-def shifted_start(scene: AbstractScene, offset: Vector, joint: str | None = None) -> AbstractScene:
+def shifted_start(scene: Scene, offset: Vector, joint: str | None = None) -> Scene:
     """Return the scene with its start as numbers, a joint's pin `offset` clearances off it.
 
     The joint is the first one with clearance, if none is named. Scenes that differ in their start
@@ -133,7 +133,7 @@ def shifted_start(scene: AbstractScene, offset: Vector, joint: str | None = None
     return eqx.tree_at(lambda s: s.start, scene, start)
 
 
-def start_of(scene: AbstractScene) -> AbstractStart:
+def start_of(scene: Scene) -> AbstractStart:
     """Return the scene's start, which joints with clearance cannot do without."""
     if scene.is_ideal:
         return Centred()

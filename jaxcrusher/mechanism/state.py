@@ -21,7 +21,7 @@ from jaxcrusher.mechanism.acting import acting
 from jaxcrusher.mechanism.equations import Accelerations, Forces
 from jaxcrusher.mechanism.motion import Crank, Motion, moving
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import FrameMotion, Snapshot, frame_at
 from jaxcrusher.mechanism.topology import FRAME
 
@@ -60,20 +60,20 @@ def unwound(state: PyTree[Scalar]) -> PyTree[Scalar]:
     return eqx.tree_at(lambda s: s.parts.angle, state, angle - whole)
 
 
-def places_of(scene: AbstractScene) -> Parts:
+def places_of(scene: Scene) -> Parts:
     """Return the parts of a section point: in the stead of each number its place, from 0 on."""
     shapes = eqx.filter_eval_shape(scene.formulation.initial, scene)
     leaves, structure = jax.tree.flatten(shapes)
     return jax.tree.unflatten(structure, range(len(leaves))).parts
 
 
-def pins_of(scene: AbstractScene) -> Int[np.ndarray, " half"]:
+def pins_of(scene: Scene) -> Int[np.ndarray, " half"]:
     """Return the places of e / c of the loose joints, x and y of each."""
     return np.array(jax.tree.leaves(places_of(scene).eccentricities), int)
 
 
 def snapshot_of(
-    scene: AbstractScene,
+    scene: Scene,
     motion: Motion,
     contacts: Named[Contact],
     torque: Scalar | None,
@@ -96,7 +96,7 @@ def snapshot_of(
     return Snapshot(motion, contacts, applied, solve(motion, forces), frame)
 
 
-def contacts_of(scene: AbstractScene, motion: Motion, memories: Named) -> Named[Contact]:
+def contacts_of(scene: Scene, motion: Motion, memories: Named) -> Named[Contact]:
     """Return the contacts of the joints with clearance, whose bearings have these memories."""
     found = {}
     for name, one in scene.joints.items():
@@ -134,7 +134,7 @@ class FrameUnits(Record):
         return frame_at(moved, self.angle * state.rotation, state.velocity, spin)
 
 
-def frame_units(scene: AbstractScene) -> FrameUnits:
+def frame_units(scene: Scene) -> FrameUnits:
     """Return units in which a frame moves by numbers of order one, stiff or soft, light or heavy.
 
     The unit of a displacement is the throw of the crank over 1 + (natural / running frequency)^2,
@@ -160,14 +160,14 @@ def frame_units(scene: AbstractScene) -> FrameUnits:
     return stop_gradient(units)
 
 
-def _weight(scene: AbstractScene) -> Scalar:
+def _weight(scene: Scene) -> Scalar:
     """Return the weight of frame and bodies, N."""
     foundation, linkage = scene.supports, scene.linkage
     assert foundation is not None
     return linkage.gravity * (foundation.mass + linkage.mass)
 
 
-def initial_frame(scene: AbstractScene) -> FrameState | None:
+def initial_frame(scene: Scene) -> FrameState | None:
     """Return the frame at rest where its supports carry all weight, or None if it is clamped.
 
     The crank is at angle zero, its pins are in the middle of their bores. Rotations are small here.
@@ -192,7 +192,7 @@ def initial_frame(scene: AbstractScene) -> FrameState | None:
 
 
 def frame_rate(
-    scene: AbstractScene, frame: FrameMotion | None, accelerations: Accelerations
+    scene: Scene, frame: FrameMotion | None, accelerations: Accelerations
 ) -> FrameState | None:
     """Return the time derivative of the frame's state, or None if it is clamped."""
     if frame is None:

@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import scalar
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.state import unwound
 
@@ -21,7 +21,7 @@ from jaxcrusher.mechanism.state import unwound
 class Flow(eqx.Module):
     """The scene and initial state of a motion; without a state it begins with the scene's start."""
 
-    scene: AbstractScene
+    scene: Scene
     state: PyTree[Scalar] | None = None
     phase: Scalar = eqx.field(converter=scalar, default=0.0)  # rad
 
@@ -31,9 +31,7 @@ class Flow(eqx.Module):
 
 
 @jax.jit  # one trace for the rate, for what is observed, and for every set of outputs
-def by_phase(
-    phase: Scalar, state: PyTree[Scalar], scene: AbstractScene
-) -> tuple[PyTree[Scalar], Snapshot]:
+def by_phase(phase: Scalar, state: PyTree[Scalar], scene: Scene) -> tuple[PyTree[Scalar], Snapshot]:
     """The derivative of the state by the phase (rad), and the snapshot that it is of.
 
     By phase every design has the same span.
@@ -45,7 +43,7 @@ def by_phase(
 
 
 @eqx.filter_jit
-def initial_state(scene: AbstractScene) -> Float[Array, " dims"]:
+def initial_state(scene: Scene) -> Float[Array, " dims"]:
     """Where the scene starts, as a section point."""
     return flat(scene.formulation.initial(scene))
 
@@ -55,9 +53,7 @@ def flat(state: PyTree[Scalar]) -> Float[Array, " dims"]:
     return ravel_pytree(unwound(state))[0].astype(float)
 
 
-def unflattened(
-    state: Float[ArrayLike, " dims"] | None, scene: AbstractScene
-) -> PyTree[Scalar] | None:
+def unflattened(state: Float[ArrayLike, " dims"] | None, scene: Scene) -> PyTree[Scalar] | None:
     """The state of a section point; None, which stands for the scene's start, remains.
 
     Raises ValueError for another shape than the scene's states have.

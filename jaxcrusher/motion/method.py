@@ -18,7 +18,7 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.integrate import Integration, Outcome, pi_controller
 from jaxcrusher.basics.setup import warn_once
-from jaxcrusher.mechanism.scene import AbstractScene, require_scene
+from jaxcrusher.mechanism.scene import Scene, require_scene
 
 MOST_STEPS = 10_000_000
 FIRST_STEP = 1e-5  # rad of phase
@@ -72,7 +72,7 @@ class Method(eqx.Module):
 
 
 def resolve(
-    scene: AbstractScene,
+    scene: Scene,
     rtol: Scalar | float,
     method: Method = Method(),
     first_step: float = FIRST_STEP,
@@ -122,7 +122,7 @@ def warn_of_slopes(found: PyTree, outcome: Outcome, speed: Scalar | float = 1.0)
         )
 
 
-def _controller(scene: AbstractScene, rtol: Scalar | float) -> diffrax.PIDController:
+def _controller(scene: Scene, rtol: Scalar | float) -> diffrax.PIDController:
     # An array, so that another value runs the same program. It may depend on the scene, but is
     # not part of what is differentiated.
     tolerance = jnp.asarray(scene.formulation.tolerance(scene, rtol), dtype=float)

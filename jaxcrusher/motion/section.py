@@ -15,7 +15,7 @@ from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.basics.integrate import RESULTS, Integration, Outcome, integrate
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.mechanism.reductions import Chosen, of_slices
-from jaxcrusher.mechanism.scene import AbstractScene, require_steady
+from jaxcrusher.mechanism.scene import Scene, require_steady
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.method import Method, resolve, warn_of_slopes
 from jaxcrusher.motion.statistics import (
@@ -90,7 +90,7 @@ class Slices(eqx.Module):
 class Sloped(eqx.Module):
     """Motions of the scene `build(point)`, integrated with their slopes by state and point."""
 
-    build: Callable[[Array], AbstractScene]
+    build: Callable[[Array], Scene]
     point: Float[Array, " n"]
     method: Integration
     outputs: Chosen = eqx.field(static=True, default=())
@@ -151,7 +151,7 @@ def first_failure(before: Outcome, after: Outcome) -> Outcome:
 
 
 def poincare_section(
-    scene: AbstractScene,
+    scene: Scene,
     settle_turns: int,
     turns: int,
     *,
@@ -200,7 +200,7 @@ def poincare_section(
 
 @eqx.filter_jit
 def _section(
-    scene: AbstractScene,
+    scene: Scene,
     settle_turns: int,
     turns: int,
     slices: int,

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Scalar
 
 from jaxcrusher.mechanism.reductions import Chosen, Largest, Least, Sampled, Statistic
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.state import pins_of
 
 # Batches of turns of which the scatter is taken.
@@ -92,7 +92,7 @@ def is_settled(
     return (swing <= STILL) & ~jnp.any(jnp.array([False, *trends]))
 
 
-def swing_of(states: Float[Array, "turns dims"], scene: AbstractScene) -> Scalar:
+def swing_of(states: Float[Array, "turns dims"], scene: Scene) -> Scalar:
     """Return by how much a pin swings in its bore, RMS, in clearances: the most of loose joints.
 
     About the mean section point, or those of every second, third or fourth turn. It is zero where

@@ -25,7 +25,7 @@ from jaxcrusher.crusher.template import CRUSHER
 from jaxcrusher.mechanism import observables
 from jaxcrusher.mechanism.acting import push_power, spring_loss
 from jaxcrusher.mechanism.quantities import Parts, asked_of
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.flow import Flow, unflattened
 from jaxcrusher.motion.method import Method, resolve, warn_of_slopes
 from jaxcrusher.motion.named import AbstractNamed, Known, made_of
@@ -50,7 +50,7 @@ ENERGIES = {
 OUTPUTS = (*asked_of(CRUSHER, Parts(JOINTS, ())).observables, "energy")
 
 
-def _works(scene: AbstractScene) -> dict[str, Callable]:
+def _works(scene: Scene) -> dict[str, Callable]:
     """Return the powers of a scene's ledger: drive, loads, contacts, dampers."""
     found = dict(WORKS)
     if scene.springs:
@@ -134,7 +134,7 @@ class Trajectory(eqx.Module, AbstractNamed, ObservableNames):
 
 
 def simulate(
-    scene: AbstractScene,
+    scene: Scene,
     times: ArrayLike | Sequence[float],
     *,
     outputs: tuple[str, ...] | None = None,
@@ -188,7 +188,7 @@ def require_times(times: ArrayLike | Sequence[float]) -> None:
 
 @eqx.filter_jit
 def _simulate(
-    scene: AbstractScene,
+    scene: Scene,
     times: Array,
     state: ArrayLike | None,
     method: Integration,
@@ -204,7 +204,7 @@ def _simulate(
 def _problem(outputs: tuple[str, ...]) -> Problem:
     """Observe the named outputs, in real time."""
 
-    def works(scene: AbstractScene) -> dict[str, Callable]:
+    def works(scene: Scene) -> dict[str, Callable]:
         return _works(scene) if "energy" in outputs else {}
 
     def initial(flow: Flow) -> Carried:
@@ -230,6 +230,6 @@ def _problem(outputs: tuple[str, ...]) -> Problem:
     return Problem(initial, field, observe, lambda observed, end, kept: observed)
 
 
-def leading_force(scene: AbstractScene) -> str:
+def leading_force(scene: Scene) -> str:
     """Return the observable that pictures show: a crusher's |R_O| + |R_C|, or what shakes."""
     return "foundation_force" if "foundation_force" in scene.observables else "shaking_force"

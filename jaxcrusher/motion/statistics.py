@@ -30,7 +30,7 @@ from jaxcrusher.mechanism.reductions import (
     Sampled,
     Statistic,
 )
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import Flow, by_phase, flat, unflattened
 from jaxcrusher.motion.method import Method, resolve, warn_of_slopes
@@ -142,7 +142,7 @@ class Statistics(eqx.Module, AbstractOverTurns):
 
 
 def statistics(
-    scene: AbstractScene,
+    scene: Scene,
     settle_turns: int,
     turns: int,
     *,
@@ -188,7 +188,7 @@ def statistics(
 
 @eqx.filter_jit
 def over_turns(
-    scene: AbstractScene,
+    scene: Scene,
     state: ArrayLike | None,
     settle_turns: int,
     turns: int,
@@ -207,7 +207,7 @@ def over_turns(
 
 
 def by_turns(
-    scene: AbstractScene, state: ArrayLike | None, turns: int, outputs: Chosen, method: Integration
+    scene: Scene, state: ArrayLike | None, turns: int, outputs: Chosen, method: Integration
 ) -> tuple[Float[Array, "turns dims"], dict[str, Float[Array, " turns"]], Outcome]:
     """Return the section points at the ends of turns, statistics of each turn, and the outcome."""
     flow = Flow(scene, unflattened(state, scene))
@@ -219,7 +219,7 @@ def by_turns(
     return points, values, outcome
 
 
-def limits_of(scene: AbstractScene, values: Mapping[str, Scalar]) -> Validity:
+def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity:
     """Return the limits of the contact model, as far as these statistics tell them.
 
     They are those of the joint without a prefix, and in `others` those of the other loose joints
@@ -250,7 +250,7 @@ def limits_of(scene: AbstractScene, values: Mapping[str, Scalar]) -> Validity:
     return dataclasses.replace(first, others=others, missing=missing)
 
 
-def of_whirl(scene: AbstractScene) -> tuple[str, ...]:
+def of_whirl(scene: Scene) -> tuple[str, ...]:
     """Return the leading statistic of a scene, and what tells a whirl of it: of ideal joints none.
 
     An ideal crusher has statistics of its main joint all the same.

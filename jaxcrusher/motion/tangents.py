@@ -14,17 +14,17 @@ from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.integrate import Outcome, failure_text
 from jaxcrusher.mechanism.reductions import Chosen, Statistic, of_slices
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import Slices, Sloped, fine, first_failure
 
-Build = Callable[[Array], AbstractScene]
+Build = Callable[[Array], Scene]
 
 # Slices of a turn between two orthonormalisations: exponents reach 14 a turn.
 SLICES = 8
 
 
-def same(_: Array, scene: AbstractScene) -> AbstractScene:
+def same(_: Array, scene: Scene) -> Scene:
     """Build a scene that no parameter moves."""
     return scene
 

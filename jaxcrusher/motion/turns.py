@@ -17,7 +17,7 @@ from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.basics.integrate import Integration, Outcome, failure_text, integrate
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.mechanism.reductions import Chosen
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.flow import Flow, initial_state, unflattened
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.statistics import statistics_problem
@@ -85,7 +85,7 @@ class Turns:
     for each turn, and an orbit one piece, which repeats.
     """
 
-    scene: AbstractScene
+    scene: Scene
     length: int
     values: Mapping[str, Any]
     settled: int = 0  # turns before the first piece
@@ -119,7 +119,7 @@ def require_turns(settle: int, turns: int) -> None:
 
 
 def run_turns(
-    scene: AbstractScene,
+    scene: Scene,
     outputs: Chosen,
     *,
     settle: int = 20,
@@ -185,7 +185,7 @@ def _begun(ends: np.ndarray, before: np.ndarray | None) -> np.ndarray:
 
 @eqx.filter_jit
 def _chunk(
-    scene: AbstractScene, state: Array, phase: Array, outputs: Chosen, method: Integration
+    scene: Scene, state: Array, phase: Array, outputs: Chosen, method: Integration
 ) -> tuple[Array, dict[str, Array], Outcome]:
     """Return the state after a chunk of turns, and the outputs by turn."""
     flow = Flow(scene, unflattened(state, scene), phase)

@@ -15,7 +15,7 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.basics.traced import traced
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.orbit_branch import Event, OrbitBranch, tabulated, with_orbits
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.scene_problems import lost, problem_of
@@ -29,7 +29,7 @@ from jaxcrusher.scenes.machine import Machine, machine_of
 
 @unnamed("first", "second")
 def bifurcation_curve(
-    machine: Machine | Callable[..., AbstractScene],
+    machine: Machine | Callable[..., Scene],
     names: tuple[str, str],
     event: Event,
     second: float,

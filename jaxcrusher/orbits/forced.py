@@ -20,7 +20,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation, EccentricityState, JointState
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.reductions import SAMPLES
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.mechanism.starts import resting
 from jaxcrusher.mechanism.state import FrameState, frame_units, initial_frame
@@ -33,7 +33,7 @@ REFINEMENTS = 2
 POLISHED = 3
 
 
-def refusal(scene: AbstractScene) -> str:
+def refusal(scene: Scene) -> str:
     """Say what a scene must be for collocation and is not; nothing if it can be solved for."""
     if not isinstance(scene.formulation, EccentricityFormulation):
         return "be written by eccentricity, but is written by multipliers"
@@ -46,18 +46,18 @@ def refusal(scene: AbstractScene) -> str:
     return ""
 
 
-def tracks(scene: AbstractScene) -> bool:
+def tracks(scene: Scene) -> bool:
     """Tell whether a joint of the scene tracks its impact velocity."""
     laws = (joint.normal.impact_velocity for joint in scene.joints.values)
     return any(law.initial() is not None for law in laws)
 
 
-def unknowns(scene: AbstractScene) -> int:
+def unknowns(scene: Scene) -> int:
     """Count the unknowns of an orbit: two a joint with clearance, three a frame on supports."""
     return 2 * len(scene.joints) + (0 if scene.supports is None else 3)
 
 
-def can_be_shot(scene: AbstractScene, guess: Float[ArrayLike, " dims"]) -> bool:
+def can_be_shot(scene: Scene, guess: Float[ArrayLike, " dims"]) -> bool:
     """Whether a state of the scene is its unknowns and their rates, and a guess is one."""
     return not refusal(scene) and np.shape(guess) == (2 * unknowns(scene),)
 
@@ -73,7 +73,7 @@ def coordinates(state: EccentricityState) -> Float[Array, " dims"]:
     return _stacked(state.parts.eccentricities, state.frame)
 
 
-def coordinates_seen(s: Snapshot, scene: AbstractScene) -> Float[Array, " dims"]:
+def coordinates_seen(s: Snapshot, scene: Scene) -> Float[Array, " dims"]:
     """Return the unknowns at an instant."""
     e = scene.joints.map(lambda joint, at: at / joint.clearance, s.motion.eccentricities)
     return _stacked(e, None if s.frame is None else frame_units(scene).state(s.frame))
@@ -85,7 +85,7 @@ def pins(x: Float[Any, "*nodes dims"]) -> Float[Any, "*nodes joints 2"]:
     return x[..., : dims - dims % 2 * 3].reshape(*x.shape[:-1], -1, 2)
 
 
-def _units(scene: AbstractScene) -> list[Scalar]:
+def _units(scene: Scene) -> list[Scalar]:
     """Return what a rate of each unknown of one a second is as a velocity of the state, m/s."""
     units = [joint.clearance for joint in scene.joints.values for _ in range(2)]
     if scene.supports is None:
@@ -94,7 +94,7 @@ def _units(scene: AbstractScene) -> list[Scalar]:
     return [*units, frame.x, frame.y, frame.radius * frame.angle]
 
 
-def state(x: Array, rate: Array, scene: AbstractScene) -> EccentricityState:
+def state(x: Array, rate: Array, scene: Scene) -> EccentricityState:
     """Make a state from the unknowns and their derivatives by the phase."""
     speed, places = scene.drive.speed, iter(x)
     velocities = (speed * unit * one for unit, one in zip(_units(scene), rate, strict=True))
@@ -111,7 +111,7 @@ def state(x: Array, rate: Array, scene: AbstractScene) -> EccentricityState:
 
 @jax.jit  # traced once for all that is asked of orbits
 def acceleration(
-    phase: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: AbstractScene
+    phase: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: Scene
 ) -> Float[Array, " dims"]:
     """Return the second derivative of the unknowns by the phase."""
     seen, square = snapshot(phase, x, rate, scene), scene.drive.speed**2
@@ -121,12 +121,12 @@ def acceleration(
     return jnp.stack([one / (unit * square) for one, unit in second])
 
 
-def system(scene: AbstractScene, period: int) -> System:
+def system(scene: Scene, period: int) -> System:
     """Return the system of motions that repeat after `period` turns."""
     return System(acceleration, jnp.asarray(2 * np.pi * period), scene)
 
 
-def quasi_static(scene: AbstractScene, period: int, count: int) -> Float[Array, "count dims"]:
+def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count dims"]:
     """Return the pins resting under the forces of a motion that their own depth corrects.
 
     A frame on supports stands under its weight and does not move yet.
@@ -149,7 +149,7 @@ def quasi_static(scene: AbstractScene, period: int, count: int) -> Float[Array, 
 
 
 @jax.jit  # as above
-def snapshot(phase: Scalar, x: Array, rate: Array, scene: AbstractScene) -> Snapshot:
+def snapshot(phase: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
     """Look at an instant of an orbit."""
     return scene.formulation.snapshot(phase / scene.drive.speed, state(x, rate, scene), scene)
 

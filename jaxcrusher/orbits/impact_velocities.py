@@ -12,7 +12,7 @@ from jaxtyping import Array
 
 from jaxcrusher.joint.normal import ConstantImpactVelocity
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.flow import initial_state, unflattened
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.effort import Spent
@@ -22,7 +22,7 @@ from jaxcrusher.orbits.transient import PIECE, TURNS, WAIT_RTOL, piece
 KEPT = 12
 
 
-def settled_velocities(scene: AbstractScene, spent: Spent) -> dict[str, Array] | None:
+def settled_velocities(scene: Scene, spent: Spent) -> dict[str, Array] | None:
     """Return what the impact velocity of each joint comes to from the scene's start, in m/s.
 
     None where contact is not kept within an effort: each impact then sets another velocity.
@@ -51,7 +51,7 @@ def settled_velocities(scene: AbstractScene, spent: Spent) -> dict[str, Array] |
     return None
 
 
-def held(scene: AbstractScene, velocities: dict[str, Array]) -> AbstractScene:
+def held(scene: Scene, velocities: dict[str, Array]) -> Scene:
     """Return the scene whose joints that track their impact velocity have these constant ones."""
     for name, velocity in velocities.items():
         if scene.joints.at(name).normal.impact_velocity.initial() is None:

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Scalar
 
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits import forced
 from jaxcrusher.periodic.collocation import collocate
 from jaxcrusher.periodic.newton import RESULTS, Factors
@@ -52,7 +52,7 @@ class _Lowering(eqx.Module):
 
 
 def lowered(
-    scene: AbstractScene, period: int, start: Float[Array, "nodes dims"], at_rest: Bool[Array, ""]
+    scene: Scene, period: int, start: Float[Array, "nodes dims"], at_rest: Bool[Array, ""]
 ) -> Lowered:
     """Return the orbit near `start`; by way of a damping if it fails from the pins at rest.
 

@@ -23,7 +23,7 @@ from jaxcrusher.basics.setup import require_set_up, warn_once
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.files.table import COLUMNS, columns_of, dataset
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.scene_problems import orbit_of, problem_of
@@ -143,7 +143,7 @@ class OrbitBranch:
 
 @unnamed("value")
 def orbit_branch(
-    machine: Machine | Callable[..., AbstractScene],
+    machine: Machine | Callable[..., Scene],
     name: str,
     start: float | Departure,
     bounds: tuple[float, float],
@@ -233,7 +233,7 @@ def orbit_branch(
 
 
 def _first(
-    scene: Callable[[Array], AbstractScene],
+    scene: Callable[[Array], Scene],
     value: float,
     period: int | None,
     nodes: int,

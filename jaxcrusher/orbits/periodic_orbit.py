@@ -17,7 +17,7 @@ from jaxcrusher.basics.checks import (
     without_slopes,
 )
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.mechanism.scene import AbstractScene, require_scene
+from jaxcrusher.mechanism.scene import Scene, require_scene
 from jaxcrusher.mechanism.starts import Centred
 from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.effort import Spent
@@ -28,7 +28,7 @@ from jaxcrusher.orbits.tries import OrbitSearch, searched, shot_for, shot_once
 
 
 def periodic_orbit(
-    scene: AbstractScene,
+    scene: Scene,
     *,
     period: int | None = None,
     nodes: int | None = None,
@@ -137,7 +137,7 @@ def periodic_orbit(
     return finished(orbit, scene, velocities)
 
 
-def _section(guess: ArrayLike, scene: AbstractScene) -> Array:
+def _section(guess: ArrayLike, scene: Scene) -> Array:
     """Check a section point that is to be shot from."""
     states, shape = (2 * forced.unknowns(scene),), np.shape(guess)  # pyright: ignore
     required = f"be a PeriodicOrbit, or a section point of shape {states}"
@@ -145,7 +145,7 @@ def _section(guess: ArrayLike, scene: AbstractScene) -> Array:
     return jnp.asarray(guess, dtype=float)
 
 
-def _guess(guess: ArrayLike | None, scene: AbstractScene) -> Array:
+def _guess(guess: ArrayLike | None, scene: Scene) -> Array:
     """Check a guess: a row of all unknowns at each of some phases."""
     dims, shape = forced.unknowns(scene), np.shape(guess)  # pyright: ignore
     good = len(shape) == 2 and shape[1] == dims and shape[0] > 0

@@ -21,7 +21,7 @@ from jaxcrusher.basics.record import words
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.mechanism.eccentricity import EccentricityState
 from jaxcrusher.mechanism.reductions import SAMPLES
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
@@ -71,7 +71,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     multipliers and of what follows from them.
     """
 
-    scene: AbstractScene
+    scene: Scene
     period: int = eqx.field(static=True)  # turns
     # e / c at equal steps of phase: x and y of each joint with clearance, A, B, C; behind
     # them x, y and rotation of a frame on supports, in the units of its state. None: no state
@@ -230,7 +230,7 @@ def require_one(orbit: PeriodicOrbit) -> None:
 
 
 def built(
-    scene: AbstractScene,
+    scene: Scene,
     period: int,
     path: Float[Array, "nodes dims"] | None,
     section: Float[ArrayLike, " states"],
@@ -266,7 +266,7 @@ def built(
     )
 
 
-def missing(scene: AbstractScene, period: int, result: RESULTS) -> PeriodicOrbit:
+def missing(scene: Scene, period: int, result: RESULTS) -> PeriodicOrbit:
     """Return no orbit, for a reason: NaN in every number."""
     nan, dims = jnp.asarray(jnp.nan), 2 * forced.unknowns(scene)
     return built(
@@ -316,7 +316,7 @@ def turns_of(orbit: PeriodicOrbit, entries: Mapping[str, Observable]) -> Turns:
 
 
 def finished(
-    orbit: PeriodicOrbit, scene: AbstractScene, held_velocities: Mapping[str, Scalar] | None = None
+    orbit: PeriodicOrbit, scene: Scene, held_velocities: Mapping[str, Scalar] | None = None
 ) -> PeriodicOrbit:
     """Return the orbit of `scene` as it is handed out: NaN in all numbers and slopes of a failure.
 
@@ -339,7 +339,7 @@ def _masked(orbit: PeriodicOrbit) -> PeriodicOrbit:
 
 
 @eqx.filter_jit  # one program for all numbers: one by one they took most of an eager gradient
-def _masked_with_slopes(orbit: PeriodicOrbit, scene: AbstractScene) -> PeriodicOrbit:
+def _masked_with_slopes(orbit: PeriodicOrbit, scene: Scene) -> PeriodicOrbit:
     own = _masked(orbit)
     own = _sloped_if(own.success, own, scene)
     names = ("error", "multipliers", "multipliers_error")
@@ -347,7 +347,7 @@ def _masked_with_slopes(orbit: PeriodicOrbit, scene: AbstractScene) -> PeriodicO
     return dataclasses.replace(own, **_sloped_if(None, bare, scene))
 
 
-def _sloped_if(good: Bool[Array, ""] | None, tree: PyTree, scene: AbstractScene) -> PyTree:
+def _sloped_if(good: Bool[Array, ""] | None, tree: PyTree, scene: Scene) -> PyTree:
     """Return the numbers of a tree, whose slopes by those of `scene` are NaN unless `good`.
 
     None is never.

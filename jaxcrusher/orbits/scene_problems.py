@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.mechanism.reductions import Chosen
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.tangents import SLICES, Build, slices_apart
 from jaxcrusher.orbits import forced, shot
 from jaxcrusher.orbits.forced import least_penetrations
@@ -57,7 +57,7 @@ class SceneFlow(AbstractFlow):
 
 
 def problem_of(
-    scene: Callable[[Array], AbstractScene], value: Array, period: int, nodal: bool
+    scene: Callable[[Array], Scene], value: Array, period: int, nodal: bool
 ) -> AbstractPeriodicProblem:
     """Return the problem of the orbits of a scene over one or more numbers, like `value`.
 
@@ -111,11 +111,9 @@ def _by_slices(problem: ShootingProblem, u: Array, p: Array, seen: Turns) -> Per
     return shot.described(problem.flow.build(p.reshape(-1)), found, problem.period)
 
 
-def _family(value: Array, *, scene: Callable[[Array], AbstractScene], period: int) -> System:
+def _family(value: Array, *, scene: Callable[[Array], Scene], period: int) -> System:
     return forced.system(scene(value).steady(), period)
 
 
-def _made(
-    point: Float[Array, " n"], scene: Callable[[Array], AbstractScene], shape: tuple
-) -> AbstractScene:
+def _made(point: Float[Array, " n"], scene: Callable[[Array], Scene], shape: tuple) -> Scene:
     return scene(point.reshape(shape)).steady()

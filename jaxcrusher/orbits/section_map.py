@@ -16,7 +16,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree, Scalar
 
 from jaxcrusher.mechanism.reductions import Chosen
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.flow import Flow, flat, unflattened
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import Slices, advance
@@ -28,7 +28,7 @@ Passed = tuple[Float[Array, " dims"], dict[str, PyTree[Array]]]
 
 @eqx.filter_jit
 def passed(
-    scene: AbstractScene, state: Float[Array, " dims"], rtol: Scalar | float, outputs: Chosen = ()
+    scene: Scene, state: Float[Array, " dims"], rtol: Scalar | float, outputs: Chosen = ()
 ) -> Passed:
     """Return where a turn leads from a section point, and the outputs of its slices."""
     method, span = resolve(scene, rtol), 2 * np.pi / SLICES
@@ -50,7 +50,7 @@ def chained(
 
 
 def along(
-    scene: AbstractScene, state: Float[Array, " dims"], period: int, rtol: float, outputs: Chosen
+    scene: Scene, state: Float[Array, " dims"], period: int, rtol: float, outputs: Chosen
 ) -> Passed:
     """Return the section point of an orbit and the outputs of all slices, with slopes.
 
@@ -62,9 +62,7 @@ def along(
 
 
 @eqx.filter_custom_jvp
-def _along(
-    scene: AbstractScene, state: Array, *, period: int, rtol: float, outputs: Chosen
-) -> Passed:
+def _along(scene: Scene, state: Array, *, period: int, rtol: float, outputs: Chosen) -> Passed:
     parts, x = [], state
     if not outputs:
         return state, {}
@@ -92,7 +90,7 @@ def _along_jvp(
     return (state, slices.values), _moved(slices, ravel_pytree(change)[0])
 
 
-def _combined(point: Array, unravel: Any, fixed: AbstractScene) -> AbstractScene:
+def _combined(point: Array, unravel: Any, fixed: Scene) -> Scene:
     return eqx.combine(unravel(point), fixed)
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float, Int, PyTree, Scalar
 from jaxcrusher.basics.checks import without_slopes
 from jaxcrusher.basics.loops import design_by_design
 from jaxcrusher.mechanism.reductions import Chosen, of_slices, samples_of
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.tangents import same, sloped_turn
 from jaxcrusher.orbits.forced import can_be_shot, coordinates_seen, least_penetrations
@@ -45,7 +45,7 @@ class Closed(eqx.Module):
     result: newton.RESULTS
 
 
-def closed(scene: AbstractScene, guess: Float[Array, " dims"], period: int) -> Closed:
+def closed(scene: Scene, guess: Float[Array, " dims"], period: int) -> Closed:
     """Return the section point near `guess` that repeats after `period` turns.
 
     One program serves all periods. Under `jax.vmap` on a CPU one design after the other.
@@ -56,7 +56,7 @@ def closed(scene: AbstractScene, guess: Float[Array, " dims"], period: int) -> C
 @eqx.filter_jit
 @design_by_design
 def _closed(
-    scene: AbstractScene,
+    scene: Scene,
     guess: Float[Array, " dims"],
     period: Int[Array, ""],
     rounds: Float[Array, "rounds 3"],
@@ -88,7 +88,7 @@ def _closed(
 
 
 def integrated_multipliers(
-    scene: AbstractScene, state: Float[Array, " dims"], period: int
+    scene: Scene, state: Float[Array, " dims"], period: int
 ) -> tuple[Complex[Array, " dims"], Scalar]:
     """Return the multipliers of the orbit through a section point, and their error.
 
@@ -99,7 +99,7 @@ def integrated_multipliers(
     return eigenvalues(found.matrix, jnp.all(jnp.isfinite(found.matrix))), found.error
 
 
-def described(scene: AbstractScene, found: Closed, period: int) -> PeriodicOrbit:
+def described(scene: Scene, found: Closed, period: int) -> PeriodicOrbit:
     """Return the orbit through a section point, with slopes by the numbers of `scene`."""
     outputs = scene.entries()
     seen_too = outputs + _PATH
@@ -111,7 +111,7 @@ def described(scene: AbstractScene, found: Closed, period: int) -> PeriodicOrbit
 
 @eqx.filter_jit
 def _described(
-    scene: AbstractScene,
+    scene: Scene,
     found: Closed,
     period: int,
     outputs: Chosen,
@@ -140,7 +140,7 @@ def _described(
     )
 
 
-def shoot(scene: AbstractScene, guess: Float[ArrayLike, " dims"], period: int) -> PeriodicOrbit:
+def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> PeriodicOrbit:
     """Return the orbit of `scene` through a section point near `guess`.
 
     Its `error` is what a tolerance 100 times as large makes of the RMS, that of its multipliers
@@ -153,7 +153,7 @@ def shoot(scene: AbstractScene, guess: Float[ArrayLike, " dims"], period: int) -
 
 
 def least_penetrations_from(
-    scene: AbstractScene, state: Float[ArrayLike, " dims"], period: int
+    scene: Scene, state: Float[ArrayLike, " dims"], period: int
 ) -> Float[Array, " joints"]:
     """Return those of `jaxcrusher.orbits.forced.least_penetrations` from a section point."""
     _, seen = along(scene, jnp.asarray(state), period, ORBIT_RTOL, _PATH)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.flow import flat, initial_state
 from jaxcrusher.motion.tangents import Build
 from jaxcrusher.orbits.forced import refusal
@@ -25,7 +25,7 @@ GRAZING = 1e-3
 SMALLER = 1e-3
 
 
-def orbit_beside(scene: AbstractScene) -> PeriodicOrbit | None:
+def orbit_beside(scene: Scene) -> PeriodicOrbit | None:
     """Return the stable motion that a scene starts beside, with what its slopes need.
 
     None where there is none: for a scene that `periodic_orbit` refuses, and for an orbit that is
@@ -81,5 +81,5 @@ def orbit_slopes(
 
 
 @eqx.filter_jit  # traced: a neighbour of a parameter at its limit lies outside
-def _built(build: Callable[[Array], AbstractScene], point: Array) -> AbstractScene:
+def _built(build: Callable[[Array], Scene], point: Array) -> Scene:
     return build(point)

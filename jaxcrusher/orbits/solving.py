@@ -15,7 +15,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, Int, Scalar
 
 from jaxcrusher.basics.loops import design_by_design, one_by_one
 from jaxcrusher.mechanism.reductions import SAMPLES, AbstractMean, Chosen, of_slices
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.orbits import forced
@@ -148,14 +148,14 @@ def _passed_on(
     return found, node_errors(system, x, between, _leading_force, family, steps)
 
 
-def _leading_force(phase: Scalar, x: Array, rate: Array, scene: AbstractScene) -> Scalar:
+def _leading_force(phase: Scalar, x: Array, rate: Array, scene: Scene) -> Scalar:
     quantity = scene.statistics[scene.leading].quantity
     return jnp.asarray(quantity(forced.snapshot(phase, x, rate, scene), scene))
 
 
 @eqx.filter_jit
 def solved(
-    scene: AbstractScene, guess: Float[Array, "angles dims"] | None, period: int, nodes: int
+    scene: Scene, guess: Float[Array, "angles dims"] | None, period: int, nodes: int
 ) -> tuple[Nodes, Factors]:
     """Return the orbit near a guess, and the factors for its slopes.
 
@@ -165,7 +165,7 @@ def solved(
     """
 
     @design_by_design
-    def found(scene: AbstractScene, guess: Array | None) -> tuple[Nodes, Factors]:
+    def found(scene: Scene, guess: Array | None) -> tuple[Nodes, Factors]:
         rest, at_rest = forced.quasi_static(scene, period, nodes), jnp.array(True)
         if guess is not None:
             at_rest = ~jnp.all(jnp.isfinite(guess))
@@ -179,24 +179,20 @@ def solved(
     return found(scene, guess)
 
 
-def with_statistics(
-    scene: AbstractScene, found: Nodes, factors: Factors, period: int
-) -> PeriodicOrbit:
+def with_statistics(scene: Scene, found: Nodes, factors: Factors, period: int) -> PeriodicOrbit:
     """Return the orbit with the statistics that the table has now."""
     return _with_statistics(scene, found, factors, period, scene.entries())
 
 
 @eqx.filter_jit
 def _with_statistics(
-    scene: AbstractScene, found: Nodes, factors: Factors, period: int, outputs: Chosen
+    scene: Scene, found: Nodes, factors: Factors, period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     system = forced.system(scene, period)
     return described(system, found, attached(system, found.x, factors), period, outputs)
 
 
-def solved_as_needed(
-    scene: AbstractScene, still: AbstractScene, guess: Array | None, period: int
-) -> PeriodicOrbit:
+def solved_as_needed(scene: Scene, still: Scene, guess: Array | None, period: int) -> PeriodicOrbit:
     """Return the orbit with 96 nodes a turn, or with 384 where these leave the RMS unsettled.
 
     `still` is the scene without slopes.
@@ -215,11 +211,11 @@ class _Refined(eqx.Module):
 
 
 @eqx.filter_jit
-def _refined(scene: AbstractScene, guess: Array | None, period: int) -> _Refined:
+def _refined(scene: Scene, guess: Array | None, period: int) -> _Refined:
     """Solve for the orbit; under `jax.vmap` on a CPU one after the other: few need many nodes."""
 
     @design_by_design
-    def found(scene: AbstractScene, guess: Array | None) -> _Refined:
+    def found(scene: Scene, guess: Array | None) -> _Refined:
         few, factors = solved(scene, guess, period, NODES * period)
         # Where Newton's method fails more nodes are of no use.
         failed = few.result != newton.RESULTS.successful
@@ -238,7 +234,7 @@ def _refined(scene: AbstractScene, guess: Array | None, period: int) -> _Refined
 
 @eqx.filter_jit
 def _refined_described(
-    scene: AbstractScene, found: _Refined, period: int, outputs: Chosen
+    scene: Scene, found: _Refined, period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     """Return the orbit, with slopes by the equations of the nodes that settled it."""
     system = forced.system(scene, period)
@@ -279,7 +275,7 @@ def described(
 
 
 @eqx.filter_jit
-def kinematic(scene: AbstractScene, period: int, outputs: Chosen) -> PeriodicOrbit:
+def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
     """Return the orbit of ideal joints in a clamped frame: a sum over turns."""
     still = scene.formulation.initial(scene)
     phases = 2 * jnp.pi * jnp.arange(SAMPLES * period, dtype=float) / SAMPLES
@@ -308,7 +304,7 @@ def kinematic(scene: AbstractScene, period: int, outputs: Chosen) -> PeriodicOrb
 def _statistics(
     snapshot: Callable[..., Snapshot],
     instants: tuple[Array, ...],
-    scene: AbstractScene,
+    scene: Scene,
     outputs: Chosen,
 ) -> tuple[dict[str, Scalar], Scalar, Scalar]:
     """Reduce snapshots at equal steps to statistics, and to the least penetration.

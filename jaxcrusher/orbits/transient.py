@@ -19,7 +19,7 @@ from jaxtyping import Array, Bool, Float, Scalar
 from jaxcrusher.basics import integrate as integration
 from jaxcrusher.basics.integrate import Outcome, integrate
 from jaxcrusher.basics.record import words
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import InContact
 from jaxcrusher.motion.flow import Flow, initial_state, unflattened
 from jaxcrusher.motion.indicators import CHAOS, detect_period
@@ -50,7 +50,7 @@ APART, FAR = 1e-5, 0.1
 _LOG = logging.getLogger(__name__)
 
 # A section point, and the scene that moves from it.
-SceneAt = tuple[Float[Array, " dims"], AbstractScene]
+SceneAt = tuple[Float[Array, " dims"], Scene]
 
 
 def section_points(
@@ -65,7 +65,7 @@ def section_points(
     return states, outcome.success
 
 
-def resting_start(scene: AbstractScene) -> SceneAt:
+def resting_start(scene: Scene) -> SceneAt:
     """Return the scene with its pins resting in their bores, whatever its own start."""
     if not scene.is_ideal:
         scene = eqx.tree_at(lambda s: s.start, scene, InContact())
@@ -146,7 +146,7 @@ class Wait:
     It is integrated in pieces of whole turns, within an effort.
     """
 
-    def __init__(self, scene: AbstractScene, spent: Spent) -> None:
+    def __init__(self, scene: Scene, spent: Spent) -> None:
         self._own, self.spent = scene, spent
         self._ended: Array | None = None  # the state after all turns so far
         self._last: Round | None = None

@@ -24,7 +24,7 @@ import numpy as np
 from jaxtyping import Array, Scalar
 
 from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.state import pins_of
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.effort import Spent
@@ -67,8 +67,8 @@ class Try(NamedTuple):
 class OrbitSearch(NamedTuple):
     """A scene whose values `still` are known, and from where its orbit is searched for."""
 
-    scene: AbstractScene
-    still: AbstractScene
+    scene: Scene
+    still: Scene
     guess: Array | None  # of nodes
     section: Array | None  # the section point of a guess, which may lose contact
     period: int | None  # None is 1, or else what the motion that is waited for repeats after
@@ -226,9 +226,7 @@ def shot_for(search: OrbitSearch) -> PeriodicOrbit:
     return first_stable(_shots(search, wait), wait)
 
 
-def shot_once(
-    scene: AbstractScene, still: AbstractScene, section: Array | None, turns: int
-) -> PeriodicOrbit:
+def shot_once(scene: Scene, still: Scene, section: Array | None, turns: int) -> PeriodicOrbit:
     """Return the orbit that shooting leads to once, whose values may be traced.
 
     From a section point, or from the mean of 240 turns from the pins at rest.

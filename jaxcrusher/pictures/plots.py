@@ -22,7 +22,7 @@ from jaxcrusher.crusher.outline import BLUE as BLUE
 from jaxcrusher.crusher.outline import GREEN as GREEN
 from jaxcrusher.crusher.outline import ORANGE as ORANGE
 from jaxcrusher.crusher.outline import PURPLE as PURPLE
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import unit_of
@@ -189,9 +189,7 @@ def plot_orbit(
     return ax
 
 
-def pins_and_force(
-    scene: AbstractScene, seen: Mapping[str, ArrayLike] | Trajectory
-) -> tuple[Figure, Axes]:
+def pins_and_force(scene: Scene, seen: Mapping[str, ArrayLike] | Trajectory) -> tuple[Figure, Axes]:
     """Draw each pin in its bore; return the figure, and the axes beside them for a force."""
     joints = dict(scene.joints.items())
     size, widths = (6 + 4 * max(len(joints), 1), 4), [1.0] * len(joints) + [1.6]

@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.setup import warn_once
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.scenes.build import paper_machine
 from jaxcrusher.scenes.machine import Machine, OwnFunction, machine_of
 
@@ -70,9 +70,9 @@ def of_description(verb: Verb) -> Verb:
 class ByPlace:
     """A function of numbers by their place, called with them by name."""
 
-    function: Callable[..., AbstractScene]
+    function: Callable[..., Scene]
 
-    def __call__(self, **numbers: Any) -> AbstractScene:
+    def __call__(self, **numbers: Any) -> Scene:
         """Return the scene of the numbers."""
         return self.function(*numbers.values())
 

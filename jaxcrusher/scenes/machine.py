@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.files.results import tell
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.scenes.parameters import DRAWN_IN, NUMBERS, Parameter
 
 
@@ -32,7 +32,7 @@ class AbstractStructure(abc.ABC):
         """
 
     @abc.abstractmethod
-    def scene(self, values: Mapping[str, Any]) -> AbstractScene:
+    def scene(self, values: Mapping[str, Any]) -> Scene:
         """Return the scene of numbers, which may be traced, and choices.
 
         A number that only `jax.jit` knows and that lies outside its limits becomes NaN. Raises
@@ -90,7 +90,7 @@ class OwnFunction(AbstractStructure):
     A number that has the name of one of the package's has its unit and its limits.
     """
 
-    function: Callable[..., AbstractScene]
+    function: Callable[..., Scene]
 
     @property
     def name(self) -> str:
@@ -101,7 +101,7 @@ class OwnFunction(AbstractStructure):
         """Return the values: the function alone knows what it needs."""
         return dict(values)
 
-    def scene(self, values: Mapping[str, Any]) -> AbstractScene:
+    def scene(self, values: Mapping[str, Any]) -> Scene:
         """Return what the function makes of the values."""
         return self.function(**values)
 
@@ -110,7 +110,7 @@ class OwnFunction(AbstractStructure):
         return {name: NUMBERS[name] for name in values if name in NUMBERS}
 
 
-def scene_by(structure: AbstractStructure, values: Mapping[str, Any]) -> AbstractScene:
+def scene_by(structure: AbstractStructure, values: Mapping[str, Any]) -> Scene:
     """Return the scene of numbers, which may be traced, and choices, a curve as a tuple."""
     described = {n: np.array(one) if isinstance(one, tuple) else one for n, one in values.items()}
     return structure.scene(described)
@@ -124,7 +124,7 @@ class Family:
     names: tuple[str, ...]
     fixed: tuple[tuple[str, Any], ...]  # a curve as a tuple of points
 
-    def __call__(self, values: Float[Array, "..."]) -> AbstractScene:
+    def __call__(self, values: Float[Array, "..."]) -> Scene:
         """Return the scene of these numbers, in the order of the names; of one, a scalar too."""
         numbers = dict(zip(self.names, jnp.reshape(values, -1), strict=True))
         return scene_by(self.structure, {**dict(self.fixed), **numbers})
@@ -167,7 +167,7 @@ class Machine:
         drawn = {n: DRAWN_IN.get(of, (1.0, of))[1] for n, of in own.items() if of != "1"}
         return drawn | self.written
 
-    def scene(self, **values: Any) -> AbstractScene:
+    def scene(self, **values: Any) -> Scene:
         """Return the scene of these numbers and choices, and of the machine's own for the others.
 
         Raises ValueError of one line for an unknown name and for what is outside its limits.
@@ -211,7 +211,7 @@ class Machine:
         return made
 
 
-def machine_of(machine: Machine | Callable[..., AbstractScene]) -> Machine:
+def machine_of(machine: Machine | Callable[..., Scene]) -> Machine:
     """Return a machine, or the one whose scenes a plain function makes of numbers by name.
 
     Raises ValueError for anything else.

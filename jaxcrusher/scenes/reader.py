@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxcrusher.basics.checks import renamed, require, require_choice
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.scenes.build import Crusher
 from jaxcrusher.scenes.linkages import drawn
 from jaxcrusher.scenes.machine import Machine
@@ -79,7 +79,7 @@ def read_machine(path: Path | str | None, overrides: Sequence[tuple[str, str]] =
     return found
 
 
-def read_scene(path: Path | str) -> AbstractScene:
+def read_scene(path: Path | str) -> Scene:
     """Return the scene of a TOML file, a crusher's or, with `kind = "linkage"`, of any linkage.
 
     Raises ValueError of one line, with the file and the key.
@@ -107,7 +107,7 @@ def linkage_machine(**description: Any) -> Machine:
     return found
 
 
-def linkage(**description: Any) -> AbstractScene:
+def linkage(**description: Any) -> Scene:
     """Return the scene of a linkage; arguments and errors as of `linkage_machine`."""
     return linkage_machine(**description).scene()
 

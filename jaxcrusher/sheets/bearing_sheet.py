@@ -22,7 +22,7 @@ from jaxcrusher.mechanism.reductions import (
     ShareAboveZero,
     Statistic,
 )
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import OfPart, Snapshot
 from jaxcrusher.motion.turns import Turns
 
@@ -52,7 +52,7 @@ COLUMNS = {
 }
 
 
-def bearings_of(scene: AbstractScene, joint: str | None = None) -> tuple[str, ...]:
+def bearings_of(scene: Scene, joint: str | None = None) -> tuple[str, ...]:
     """Return the joints that a sheet is of: the one looked at, the crank's own, and loose ones.
 
     The first is the named one, which may be ideal, or that whose results have no prefix, or the
@@ -64,20 +64,20 @@ def bearings_of(scene: AbstractScene, joint: str | None = None) -> tuple[str, ..
     return tuple(dict.fromkeys((first, scene.linkage.bearing, *scene.joints.names)))
 
 
-def _friction(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+def _friction(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     contact = s.contacts[joint]
     loss = None if contact is None else contact.friction_loss
     return jnp.zeros_like(s.motion.crank.speed) if loss is None else loss
 
 
-def _swings(scene: AbstractScene, joint: str) -> bool:
+def _swings(scene: Scene, joint: str) -> bool:
     """Return whether a joint has rollers between two bodies of which none is the crank."""
     one = scene.linkage.joint(joint)
     rolls = isinstance(scene.joints[joint], RollerBearing)
     return rolls and scene.linkage.crank not in (one.bore.body, one.pin.body)
 
 
-def _wearing(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
+def _wearing(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     """Return load^(10/3) times the speed of the rings: ISO 281 averages over revolutions.
 
     Uneven speed does not spread these evenly over time. It is the crank's speed, but where rollers
@@ -87,12 +87,12 @@ def _wearing(s: Snapshot, scene: AbstractScene, joint: str) -> Scalar:
     return force_at(s, scene, joint) ** LIFE_EXPONENT * speed
 
 
-def _speed(s: Snapshot, scene: AbstractScene) -> Scalar:
+def _speed(s: Snapshot, scene: Scene) -> Scalar:
     """Return the crank's speed, whichever way it turns, rad/s."""
     return jnp.abs(s.motion.crank.speed)
 
 
-def outputs_of(scene: AbstractScene, first: str | None = None) -> Chosen:
+def outputs_of(scene: Scene, first: str | None = None) -> Chosen:
     """Return what the sheet asks of each turn of a motion: of joints, of the crank, of all.
 
     `first` is the joint to look at, as in `bearings_of`.

@@ -22,7 +22,7 @@ from jaxcrusher.mechanism.reductions import (
     require_orders,
     samples_of,
 )
-from jaxcrusher.mechanism.scene import AbstractScene
+from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Observable, OfPart, Snapshot
 from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.motion.turns import Curve, Turns, curve_of
@@ -86,7 +86,7 @@ class Row:
     highest: float | str = ""
 
 
-def joint_states(scene: AbstractScene) -> str:
+def joint_states(scene: Scene) -> str:
     """Say of each joint whether it is ideal, or what clearance it has."""
     states = []
     for joint in scene.linkage.joints.names:
@@ -98,7 +98,7 @@ def joint_states(scene: AbstractScene) -> str:
     return ", ".join(states)
 
 
-def quantities_of(scene: AbstractScene) -> dict[str, Observable]:
+def quantities_of(scene: Scene) -> dict[str, Observable]:
     """Return what a sheet looks at along a motion."""
     names = [f"{scene.prefix(joint)}{DEPTH}" for joint in scene.joints.names]
     if scene.supports is None:
@@ -109,7 +109,7 @@ def quantities_of(scene: AbstractScene) -> dict[str, Observable]:
     return {name: scene.observables[name] for name in names} | {"frame_spin": spin}
 
 
-def outputs_of(scene: AbstractScene) -> Chosen:
+def outputs_of(scene: Scene) -> Chosen:
     """Return what a sheet asks of each turn of a run: all that it looks at, and forces' ends."""
     ends = tuple(
         (f"{which} {name}", Statistic(unit, f"{which} {name}", OfPart(_now, name), how))
@@ -119,13 +119,13 @@ def outputs_of(scene: AbstractScene) -> Chosen:
     return samples_of(quantities_of(scene)) + ends
 
 
-def _now(s: Snapshot, scene: AbstractScene, name: str) -> Scalar:
+def _now(s: Snapshot, scene: Scene, name: str) -> Scalar:
     """Return a force or a moment of the sheet at an instant."""
     known = quantities_of(scene)
     return _forces(scene)[name][1](lambda one: known[one](s, scene))
 
 
-def _frame_spin(s, scene: AbstractScene) -> Scalar:
+def _frame_spin(s, scene: Scene) -> Scalar:
     return s.frame.spin
 
 
@@ -225,7 +225,7 @@ def knocks(turns: Turns, rows: Sequence[Row], orders: int) -> str:
     )
 
 
-def running_frequency(scene: AbstractScene) -> float:
+def running_frequency(scene: Scene) -> float:
     """Return the shaft's frequency, Hz."""
     return float(scene.drive.speed) / (2 * np.pi)
 
@@ -248,7 +248,7 @@ def _curves(turns: Turns, forces: Forces) -> Curves:
     return found
 
 
-def _forces(scene: AbstractScene) -> Forces:
+def _forces(scene: Scene) -> Forces:
     """Return all forces and moments of the sheet."""
     return _on_frame(scene) | ({} if scene.supports is None else _carried())
 
@@ -258,7 +258,7 @@ def _component(unit: str, names: Sequence[str], axis: int) -> tuple[str, Callabl
     return unit, lambda look: sum(look(name)[..., axis] for name in names)
 
 
-def _on_frame(scene: AbstractScene) -> Forces:
+def _on_frame(scene: Scene) -> Forces:
     """Return force and moments of the bodies' motion past the frame, and on a clamped one weight.
 
     They are those on a frame at rest. A frame that gives way feels less, and whoever puts that into
@@ -291,12 +291,12 @@ def _on_frame(scene: AbstractScene) -> Forces:
     return found | {name: ("N m", moment_about(at)) for name, at in levels.items()}
 
 
-def _place(scene: AbstractScene) -> Vector:
+def _place(scene: Scene) -> Vector:
     """Return the point that moments on the ground are counted about, as drawn, m."""
     return Vector(0.0, 0.0) if scene.foundation is None else scene.foundation.point
 
 
-def _bearing(scene: AbstractScene) -> Vector:
+def _bearing(scene: Scene) -> Vector:
     """Return the crank's bearing in the frame, as drawn, m."""
     linkage = scene.linkage
     return linkage.side_of(linkage.bearing, FRAME).vector()
@@ -405,7 +405,7 @@ def _of_pieces(turns: Turns, part: str, name: str, what: str, pieces: np.ndarray
     return Row(part, name, what, value, unit, scatter=scatter)
 
 
-def _ground(scene: AbstractScene) -> list[Row]:
+def _ground(scene: Scene) -> list[Row]:
     """Return springs and dampers of both supports together; rocking is about their middle."""
     supports = scene.supports
     assert supports is not None
@@ -463,7 +463,7 @@ def _meetings(turns: Turns, modes: xr.Dataset, orders: int, site: Site) -> list[
     return found
 
 
-def _modes(scene: AbstractScene, modes: xr.Dataset, near: Sequence[Meeting]) -> list[Row]:
+def _modes(scene: Scene, modes: xr.Dataset, near: Sequence[Meeting]) -> list[Row]:
     part, running, found = "natural modes", running_frequency(scene), []
     for i in range(modes.sizes["mode"]):
         one, mode = modes.isel(mode=i), f"mode {i + 1}"
@@ -530,9 +530,7 @@ def _motion(
     return rows
 
 
-def _verdicts(
-    scene: AbstractScene, rows: Sequence[Row], near: Sequence[Meeting], site: Site
-) -> list[Row]:
+def _verdicts(scene: Scene, rows: Sequence[Row], near: Sequence[Meeting], site: Site) -> list[Row]:
     """Return the overall grade with what decides it, and the resonances."""
     part, running = "verdicts", running_frequency(scene)
     close = [one for one in near if one.resonates]

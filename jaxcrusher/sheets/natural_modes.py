@@ -12,7 +12,7 @@ from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.files.table import Column, dataset
 from jaxcrusher.mechanism.motion import ideal_at_rest
-from jaxcrusher.mechanism.scene import AbstractScene, require_scene
+from jaxcrusher.mechanism.scene import Scene, require_scene
 from jaxcrusher.mechanism.snapshot import frame_at
 
 COORDINATES = ("x", "y", "rotation")
@@ -36,7 +36,7 @@ UNDAMPED, CRITICAL = 1e-13, 1e-6
 INSTANTS, OF_AN_ORDER = 128, 32
 
 
-def natural_modes(scene: AbstractScene) -> xr.Dataset:
+def natural_modes(scene: Scene) -> xr.Dataset:
     """Return the natural modes of the machine at rest on its supports, the slowest first.
 
     Its bodies stand still in the frame, the crank at angle zero and its pins in the
@@ -76,7 +76,7 @@ def natural_modes(scene: AbstractScene) -> xr.Dataset:
     return dataset(("mode",), told, COLUMNS, {"coordinate": list(COORDINATES)}).merge(free)
 
 
-def linearised(scene: AbstractScene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def linearised(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return mass, damping and stiffness about the standing place, for x, y (m) and rotation of G.
 
     Raises ValueError as `natural_modes` does.
@@ -102,7 +102,7 @@ def amplification(ratio: float, damping_ratio: float) -> float:
 
 
 def shares_of_energy(
-    scene: AbstractScene,
+    scene: Scene,
     force: Complex[np.ndarray, "3 orders"],
     rates: Float[np.ndarray, " orders"],
 ) -> Float[np.ndarray, "modes orders"]:
@@ -145,7 +145,7 @@ def _free(rates: np.ndarray, dampers: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 @jax.jit
-def _linearised(scene: AbstractScene) -> tuple[Array, Array, Array, Scalar]:
+def _linearised(scene: Scene) -> tuple[Array, Array, Array, Scalar]:
     """Return the matrices of mass, damping and stiffness, and the last step of finding the place.
 
     The coordinates are displacement and rotation of G.
@@ -192,7 +192,7 @@ def _linearised(scene: AbstractScene) -> tuple[Array, Array, Array, Scalar]:
 
 
 def run_up(
-    scene: AbstractScene,
+    scene: Scene,
     force: Complex[np.ndarray, "3 orders"],
     seconds: float,
     *,
@@ -249,7 +249,7 @@ def run_up(
 
 
 def moment_of_weights(
-    scene: AbstractScene, sideways: Complex[np.ndarray, " orders"]
+    scene: Scene, sideways: Complex[np.ndarray, " orders"]
 ) -> Complex[np.ndarray, " orders"]:
     """Return the moment (N m) of the bodies' weights on a frame that stands still.
 
