@@ -12,7 +12,7 @@ from jaxcrusher.scenes.parameters import PARAMETERS
 from jaxcrusher.scenes.plausibility import RATIOS, STANDARD_GRAVITY
 
 WIDE = 3.0
-USUAL = {one.title: one.limits[1:3] for one in RATIOS}
+USUAL = {(one.words or " / ".join(one.of)): one.limits[1:3] for one in RATIOS}
 LENGTH, ACROSS = (
     "jaw.length",
     "mass of the shaft over that of a steel cylinder as wide as bore and chamber",

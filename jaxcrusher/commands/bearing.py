@@ -93,13 +93,16 @@ def run(options: Bearing, console: Console) -> int:
     write_dataset(folder / "bearing.csv", kept)
     for joint in kept.bearing.values:
         console.print(
-            shown(kept.sel(bearing=joint, drop=True), f"bearing {scenes[0].title(joint)}")
+            shown(
+                kept.sel(bearing=joint, drop=True),
+                f"bearing {scenes[0].template.joint(joint).title}",
+            )
         )
     turns = ", ".join(f"{one.pieces} after {one.settled}" for _, one in found)
     console.print(
         f"Turns: {turns}. ± is the standard error, of a peak the turns' scatter. {ADVICE}"
     )
-    told = scenes[0].title(first)
+    told = scenes[0].template.joint(first).title
     for line in (*verdicts(kept, first, told), *clearances(found, first)):
         console.print(line)
     if (lost := float(kept.impacts.sel(bearing=first)[0])) and np.isfinite(lost):

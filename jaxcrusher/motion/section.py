@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
@@ -78,12 +78,12 @@ def advance(
 class Slices(eqx.Module):
     """A slice of a motion or several: state x, parameters p, and m, kept of each statistic."""
 
-    jacobians: Float[Array | np.ndarray, "*slices dims dims"]  # dx_after / dx_before
-    forcing: Float[Array | np.ndarray, "*slices dims n"]  # dx_after / dp
+    jacobians: Float[Any, "*slices dims dims"]  # dx_after / dx_before
+    forcing: Float[Any, "*slices dims n"]  # dx_after / dp
     # m, by name or of one, as `of_slices` takes it
-    values: PyTree[Float[Array | np.ndarray, "..."]]
-    by_state: PyTree[Float[Array | np.ndarray, "... dims"]]  # dm / dx_before
-    by_parameter: PyTree[Float[Array | np.ndarray, "... n"]]  # dm / dp
+    values: PyTree[Float[Any, "..."]]
+    by_state: PyTree[Float[Any, "... dims"]]  # dm / dx_before
+    by_parameter: PyTree[Float[Any, "... n"]]  # dm / dp
     failure: str = eqx.field(static=True, default="")  # why and when they ended early, if known
 
 
