@@ -60,7 +60,7 @@ def test_what_is_free_is_named_by_the_file():
     [
         ({"design": ()}, "`design` must free a number of a linkage, as in --design joints.B.cle"),
         ({"design": (("balanced",),)}, "`design` must be one of 'balance', 'machine', but is"),
-        ({"design": (("jaw.mass", "1", "2kg"),)}, "`design` must name numbers that the scene file"),
+        ({"design": (("jaw.mass", "1", "2kg"),)}, "`jaw.mass` must be a known key, but is not; t"),
         (
             {"design": (("joints.B.clearance", "1", "20mm"),)},
             "`joints.B.clearance` must be smaller",
