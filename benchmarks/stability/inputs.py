@@ -37,7 +37,7 @@ TRACED: dict[str, tuple[Callable[[Any], jax.Array], float]] = {
     "clearance < 0, traced": (lambda s: s.joints.at("main").clearance, -1e-3),
     "speed, traced": (lambda s: s.drive.speed, float("inf")),
     "stiffness, traced": (lambda s: s.joints.at("main").normal.stiffness, float("inf")),
-    "jaw mass, traced": (lambda s: s.linkage.body("jaw").mass, float("nan")),
+    "jaw mass, traced": (lambda s: s.linkage.bodies.at("jaw").mass, float("nan")),
     "load, traced": (lambda s: s.pushes[0].magnitude, 1e300),
 }
 

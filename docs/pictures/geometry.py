@@ -36,14 +36,14 @@ def plot_geometry(linkage: Linkage) -> Figure:
 
 
 def _linkage(linkage: Linkage, ax: Axes) -> None:
-    o = np.asarray(linkage.joint("shaft_bearing").bore.arm.vector().array())
+    o = np.asarray(linkage.joints.at("shaft_bearing").bore.arm.vector().array())
     throw, size, _ = map(float, lengths_of(linkage).values())
     a = o + MAGNIFIED * throw * _unit(ANGLE)
     magnified = eqx.tree_at(
-        lambda one: one.joint("main").pin.arm.x, linkage, replace_fn=lambda x: MAGNIFIED * x
+        lambda one: one.joints.at("main").pin.arm.x, linkage, replace_fn=lambda x: MAGNIFIED * x
     )
     motion = ideal_at_rest(magnified, ANGLE)
-    elbow = magnified.joint("elbow").pin
+    elbow = magnified.joints.at("elbow").pin
     b, jaw = (np.asarray(one.array()) for one in (motion.position(elbow), motion.axis("jaw")))
     c, s2 = np.zeros(2), np.asarray(motion.centre("jaw").array())
     ends = {"$l_0$": (c, o), "$l_1$": (o, a), "$l_2$": (b, a), "$l_3$": (c, b), "$l_{21}$": (a, s2)}

@@ -60,7 +60,7 @@ class CrushingChamber(Printed):
 
 def lower_end(angle: Scalar, linkage: Linkage) -> Scalar:
     """How far right of C the jaw's end B is (m) at an angle of the shaft (rad); ideal joint."""
-    return ideal_at_rest(linkage, angle).position(linkage.joint("elbow").pin).x
+    return ideal_at_rest(linkage, angle).position(linkage.joints.at("elbow").pin).x
 
 
 def stationary(travel: Callable[..., Scalar], angle: Scalar, *numbers: PyTree) -> Scalar:
@@ -87,7 +87,7 @@ def stroke_ratio(linkage: Linkage) -> Scalar:
 
     By 720 angles, to some 1e-5. What grinds the jaws grows with it.
     """
-    pin = linkage.joint("elbow").pin
+    pin = linkage.joints.at("elbow").pin
     angles = jnp.linspace(0, 2 * jnp.pi, 10 * ANGLES, endpoint=False)
     places = jax.vmap(lambda angle: ideal_at_rest(linkage, angle).position(pin))(angles)
     return jnp.ptp(places.y) / jnp.ptp(places.x)

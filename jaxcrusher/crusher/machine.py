@@ -65,7 +65,7 @@ def crusher_linkage(
 
 def lengths_of(linkage: Linkage) -> dict[str, Scalar]:
     """Return l1, l2 and l3 of a crusher, m, by their names in a description."""
-    main, elbow = linkage.joint("main"), linkage.joint("elbow")
+    main, elbow = linkage.joints.at("main"), linkage.joints.at("elbow")
     return {
         "shaft.eccentricity": main.pin.arm.vector().x,
         "jaw.length": -elbow.bore.arm.vector().x,
@@ -87,7 +87,7 @@ def require_crusher(linkage: Linkage, clearance: Scalar | float = 0.0) -> None:
     (concrete values only).
     """
     _require_bodies(dict(linkage.bodies.items()))
-    lengths, place = lengths_of(linkage), linkage.joint("shaft_bearing").bore.arm.vector()
+    lengths, place = lengths_of(linkage), linkage.joints.at("shaft_bearing").bore.arm.vector()
     for name, length in lengths.items():
         require_positive(name, length, "m")
     known = [primal(value) for value in (*lengths.values(), place.x, place.y, clearance)]

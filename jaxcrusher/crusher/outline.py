@@ -71,7 +71,7 @@ def outline(scene: Scene) -> Outline:
     """Return the outline of a crusher; an ideal joint has no radius, and 0.19 is the paper's."""
     linkage, main = scene.linkage, scene.joints["main"]
     throw, size, toggle = map(float, lengths_of(linkage).values())
-    bearing = np.asarray(linkage.joint("shaft_bearing").bore.arm.vector().array())
+    bearing = np.asarray(linkage.joints.at("shaft_bearing").bore.arm.vector().array())
     r = 0.19 * size if main is None else float(main.bore_radius)
     # Along B-A from A, across it away from the face.
     jaw = [(0.0, HUB * r), (-size, 0.4 * r), (-size - FOOT * r, 0.0)]

@@ -55,17 +55,17 @@ def load_position(s: Snapshot, scene: Scene) -> Vector:
 
 def elbow_position(s: Snapshot, scene: Scene) -> Vector:
     """B, the jaw's lower end, m; C is the origin."""
-    return s.motion.position(scene.linkage.joint("elbow").bore)
+    return s.motion.position(scene.linkage.joints.at("elbow").bore)
 
 
 def elbow_velocity(s: Snapshot, scene: Scene) -> Vector:
     """Return the velocity of B, the jaw's lower end, m/s."""
-    return s.motion.velocity(scene.linkage.joint("elbow").bore)
+    return s.motion.velocity(scene.linkage.joints.at("elbow").bore)
 
 
 def pin_position(s: Snapshot, scene: Scene) -> Vector:
     """Return the centre A of the shaft's pin, m."""
-    return s.motion.position(scene.linkage.joint("main").pin)
+    return s.motion.position(scene.linkage.joints.at("main").pin)
 
 
 def rod_tension(s: Snapshot, scene: Scene) -> Scalar:

@@ -21,15 +21,7 @@ import platformdirs
 from jaxcrusher.basics.setup import cores
 from jaxcrusher.files.durable import replace
 from jaxcrusher.lanes.code import CORES, Shape
-from jaxcrusher.lanes.layout import (
-    WHOLE,
-    Control,
-    Designs,
-    Lanes,
-    Shared,
-    lane_shapes,
-    table,
-)
+from jaxcrusher.lanes.layout import WHOLE, Control, Designs, Lanes, Shared, lane_shapes, table
 from jaxcrusher.lanes.stepper import Kernels
 from jaxcrusher.version import version_of
 

@@ -8,13 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Scalar
 
-from jaxcrusher.basics.checks import (
-    concrete,
-    is_concrete,
-    nan_unless,
-    require,
-    require_positive,
-)
+from jaxcrusher.basics.checks import concrete, is_concrete, nan_unless, require, require_positive
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.basics.record import Printed, Record
 from jaxcrusher.mechanism.motion import Crank

@@ -71,7 +71,7 @@ class Forces(NamedTuple):
         found = [Wrench(name, one.mass * self.gravity) for name, one in bodies.items()]
         found += self.wrenches
         for name, contact in self.contacts.items():
-            joint = motion.linkage.joint(name)
+            joint = motion.linkage.joints.at(name)
             found += _pair(motion, joint, contact.force, self.frame)
             found += [
                 Wrench(joint.bore.body, None, contact.bearing_moment),
@@ -148,13 +148,13 @@ class _Ways:
             self.hung[tree.base] = base, _Way()
             for body, parent, joint in tree.branches:
                 if joint in linkage.slides:
-                    place = motion.position(linkage.slide(joint).ends.pin)
+                    place = motion.position(linkage.slides.at(joint).ends.pin)
                     way = self.to(FRAME, arm_to(place))
                     self.hung[body] = Arm(), _Way(way.arms, {joint: 1})
                     continue
                 way = self.to(parent, linkage.side_of(joint, parent))
                 if joint in curvatures:
-                    sign = 1 if linkage.joint(joint).pin.body == body else -1
+                    sign = 1 if linkage.joints.at(joint).pin.body == body else -1
                     way = _Way(way.arms, {**way.steps, joint: sign})
                 self.hung[body] = linkage.side_of(joint, body), way
 
@@ -184,7 +184,9 @@ class _Ways:
                 found[name] = arm if name not in found else found[name] + arm
         for body, name in self.slides.items():
             if name in way.steps:
-                found[body] = -way.steps[name] * self.motion.linkage.slide(name).direction.perp()
+                found[body] = (
+                    -way.steps[name] * self.motion.linkage.slides.at(name).direction.perp()
+                )
         return found
 
     def known(self, way: _Way) -> Vector | None:
@@ -202,7 +204,7 @@ class _Ways:
             if curvature is not None:
                 found.append(sign * curvature)
             elif self.frame is not None:  # a slide, which turns with the frame
-                rate = self.motion.velocity(self.motion.linkage.slide(joint).ends.pin)
+                rate = self.motion.velocity(self.motion.linkage.slides.at(joint).ends.pin)
                 found.append(sign * 2 * self.frame.spin * rate.perp())
         return total(found)
 
@@ -240,12 +242,12 @@ def solve(motion: Motion, acting: Forces, curvatures: Named[Vector] | None = Non
         turned[linkage.crank] = known if carried is None else carried + known
     second = {}
     for name in contacts.names:
-        pin, bore = linkage.joint(name).pin, linkage.joint(name).bore
+        pin, bore = linkage.joints.at(name).pin, linkage.joints.at(name).bore
         ends = [acceleration(point.body, ways.to_end(point)) for point in (pin, bore)]
         second[name] = _past(frame, motion, name, or_zero(minus(*ends)), turned.get(FRAME))
 
     for name, force in closed.items():
-        sums = _sums(_pair(motion, linkage.joint(name), force, frame), sums)
+        sums = _sums(_pair(motion, linkage.joints.at(name), force, frame), sums)
     missing = {
         name: minus(one.mass * centres[name], sums[name][0]) for name, one in ways.bodies.items()
     }
@@ -255,11 +257,11 @@ def solve(motion: Motion, acting: Forces, curvatures: Named[Vector] | None = Non
         for body, _, name in tree.branches:
             on_body = or_zero(total([missing[one] for one in tree.beyond(body)]))
             if name in linkage.slides:
-                across = linkage.slide(name).direction.cross(on_body)
+                across = linkage.slides.at(name).direction.cross(on_body)
                 turning = _moment(body, ways, trees, turned, missing, sums)
                 guides[name] = Guiding(-across, -turning)
                 continue
-            forces[name] = on_body if linkage.joint(name).bore.body == body else -on_body
+            forces[name] = on_body if linkage.joints.at(name).bore.body == body else -on_body
     if torque is None:
         torque = _moment(linkage.crank, ways, trees, turned, missing, sums)
     return Accelerations(
@@ -287,7 +289,7 @@ def _solved(
     for place in dict.fromkeys(place for one in rows for place in one.lower):
         lower[place] = total([one.lower.get(place) for one in rows])
     for joint in closing:
-        ends = linkage.joint(joint)
+        ends = linkage.joints.at(joint)
         apart = ways.to_end(ends.pin) - ways.to_end(ends.bore)
         left = minus(ways.known(apart), ways.curvatures[joint])
         assert left is not None
@@ -382,7 +384,7 @@ def wrench_at(
     if point.body == FRAME:
         centre = Arm() if frame is None else frame.body.mass_centre
     else:
-        centre = motion.linkage.body(point.body).mass_centre
+        centre = motion.linkage.bodies.at(point.body).mass_centre
     arm = (point.arm - centre).along(motion.axis(point.body))
     return Wrench(point.body, force, None if arm is None else arm.cross(force))
 

@@ -128,24 +128,12 @@ class Linkage(Record):
 
     def side_of(self, joint: str, body: str) -> Arm:
         """Return where a joint is on one of its two bodies."""
-        one = self.joint(joint)
+        one = self.joints.at(joint)
         return one.bore.arm if one.bore.body == body else one.pin.arm
-
-    def joint(self, name: str) -> Joint:
-        """Return a joint, which there is."""
-        return self.joints.at(name)
-
-    def slide(self, name: str) -> Slide:
-        """Return a slide, which there is."""
-        return self.slides.at(name)
-
-    def body(self, name: str) -> Body:
-        """Return a body, which there is."""
-        return self.bodies.at(name)
 
     def centre(self, body: str) -> Point:
         """Return the mass centre of a body."""
-        return Point(body, self.body(body).mass_centre)
+        return Point(body, self.bodies.at(body).mass_centre)
 
 
 @functools.cache

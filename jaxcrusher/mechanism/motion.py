@@ -113,7 +113,7 @@ def ideal_at_rest(linkage: Linkage, angle: Scalar | float) -> Motion:
 
 def _hung(motion: Motion, joint: str, body: str) -> tuple[Vector | None, Vector | None]:
     """Return place and velocity of a joint on the second of its bodies, from the other one."""
-    one = motion.linkage.joint(joint)
+    one = motion.linkage.joints.at(joint)
     other = one.bore if one.pin.body == body else one.pin
     place, rate = _position(motion.poses, other), _velocity(motion.poses, other)
     return _parted(motion, joint, body, place, rate)
@@ -126,7 +126,7 @@ def _parted(
 
     From pin to bore, if the pin is not the body's.
     """
-    shifted = plus if motion.linkage.joint(joint).pin.body == body else minus
+    shifted = plus if motion.linkage.joints.at(joint).pin.body == body else minus
     return shifted(place, motion.eccentricities[joint]), shifted(rate, motion.rates[joint])
 
 
@@ -166,7 +166,7 @@ def _link_and_slider(motion: Motion, dyad: Dyad, side: int) -> dict[str, Pose]:
     """
     linkage = motion.linkage
     start, start_rate = _hung(motion, dyad.first_joint, dyad.first)
-    slide, upright = linkage.slide(dyad.second_joint), Vector(1.0, 0.0)
+    slide, upright = linkage.slides.at(dyad.second_joint), Vector(1.0, 0.0)
     ahead, begin = slide.direction, _position(motion.poses, slide.ends.bore)
     on_slider = linkage.side_of(dyad.meeting, dyad.second).along(upright)
     still = minus(plus(begin, on_slider), start), minus(None, start_rate)

@@ -173,12 +173,12 @@ def _motion(scene: Scene, state: MultiplierState) -> Motion:
     """Return the motion of a state; its loose joints have the eccentricities that they show."""
     linkage, poses = scene.linkage, {}
     for name, at in state.position.items():
-        one, rate = linkage.body(name), state.velocity.at(name) * (1 / CONTACT_TIME)
+        one, rate = linkage.bodies.at(name), state.velocity.at(name) * (1 / CONTACT_TIME)
         axis = direction(at.angle)
         poses[name] = Pose(axis, rate.angle, one.mass_centre, at.centre, rate.centre)
     turning = Crank(state.position.at(linkage.crank).angle, poses[linkage.crank].spin)
     motion = Motion(linkage, turning, Named(poses), Named(), Named())
-    gaps = {name: _apart(motion, linkage.joint(name)) for name in scene.joints.names}
+    gaps = {name: _apart(motion, linkage.joints.at(name)) for name in scene.joints.names}
     e, rates = ({name: gap[part] for name, gap in gaps.items()} for part in (0, 1))
     return dataclasses.replace(motion, eccentricities=Named(e), rates=Named(rates))
 

@@ -100,7 +100,7 @@ def _moment(
     point = Vector(0.0, 0.0) if scene.foundation is None else scene.foundation.point
     total = jnp.zeros_like(s.motion.crank.speed)
     for name, rate in rates:
-        body = scene.linkage.body(name)
+        body = scene.linkage.bodies.at(name)
         force = body.mass * fall - rate
         total = total + (s.motion.centre(name) - point).cross(force) - body.inertia * spin_up(name)
     return total
@@ -222,7 +222,7 @@ def _past_frame(s: Snapshot, scene: Scene) -> list[tuple[str, Vector]]:
         # Of the point of the frame where the body is, and Coriolis'.
         carried = origin + spin_up * arm.perp() - frame.spin**2 * arm
         carried = carried + 2 * frame.spin * velocity.perp()
-        found.append((name, rate - scene.linkage.body(name).mass * carried))
+        found.append((name, rate - scene.linkage.bodies.at(name).mass * carried))
     return found
 
 
@@ -340,7 +340,7 @@ def ring_speed(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     Elsewhere two bodies swing: there and back by an angle b on either side they roll over 4 b, as
     b / 90 deg of a turn is counted of bearings that oscillate.
     """
-    one = scene.linkage.joint(joint)
+    one = scene.linkage.joints.at(joint)
     bodies = one.bore.body, one.pin.body
     if scene.linkage.crank in bodies:
         return jnp.abs(s.motion.crank.speed)

@@ -211,7 +211,9 @@ def _acceleration(s: Snapshot, scene: Scene, name: str) -> Vector:
     """Return r_S'' + phi'' perp(arm) - phi'^2 arm past the ground, in the frame's axes."""
     point = scene.point(name)
     centre = s.accelerations.centres.at(point.body)
-    arm = (point.arm - scene.linkage.body(point.body).mass_centre).along(s.motion.axis(point.body))
+    arm = (point.arm - scene.linkage.bodies.at(point.body).mass_centre).along(
+        s.motion.axis(point.body)
+    )
     if arm is None:
         return centre
     spin = plus(s.motion.spin(point.body), None if s.frame is None else s.frame.spin)

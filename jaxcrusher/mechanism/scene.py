@@ -29,13 +29,7 @@ from jaxcrusher.mechanism.acting import AbstractPush, Spring
 from jaxcrusher.mechanism.drives import AbstractDrive
 from jaxcrusher.mechanism.linkage import Linkage, Point
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.quantities import (
-    LACKING,
-    Asked,
-    Parts,
-    Template,
-    asked_of,
-)
+from jaxcrusher.mechanism.quantities import LACKING, Asked, Parts, Template, asked_of
 from jaxcrusher.mechanism.reductions import Chosen, Statistic
 from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation, OnSupports
@@ -71,7 +65,7 @@ class Scene(Printed):
     """
 
     linkage: Linkage
-    bearings: Named[AbstractBearing]
+    joints: Named[AbstractBearing]  # with clearance
     drive: AbstractDrive
     pushes: tuple[AbstractPush, ...] = ()
     springs: tuple[Spring, ...] = ()
@@ -85,8 +79,8 @@ class Scene(Printed):
     def __check_init__(self):
         require_x64()
         known = self.linkage.joints.names
-        for name, bearing in self.bearings.items():
-            require(name in known, "bearings", f"be of joints: {', '.join(known)}", f"of {name}")
+        for name, bearing in self.joints.items():
+            require(name in known, "joints", f"be of joints: {', '.join(known)}", f"of {name}")
             prefix = f"{name}." if self.prefix(name) else ""
             require_clearance(bearing.clearance, bearing.bore_radius, prefix)
         bodies = self.linkage.bodies.names
@@ -101,18 +95,13 @@ class Scene(Printed):
         asked_of(self.template, self._parts)  # which checks names
 
     @property
-    def joints(self) -> Named[AbstractBearing]:
-        """Return the joints with clearance."""
-        return self.bearings
-
-    @property
     def throw(self) -> Scalar:
         """Return how far the crank's pin is from its bearing, m; alone, its radius of gyration.
 
         A moving frame is measured by it.
         """
         linkage, crank = self.linkage, self.linkage.crank
-        body, bearing = linkage.body(crank), linkage.side_of(linkage.bearing, crank)
+        body, bearing = linkage.bodies.at(crank), linkage.side_of(linkage.bearing, crank)
         pins = [n for n, *both in linkage.ends if crank in both and n != linkage.bearing]
         end = linkage.side_of(pins[0], crank) if pins else body.mass_centre
         squared = (end - bearing).squared()
@@ -151,8 +140,8 @@ class Scene(Printed):
 
     def with_bearing(self, joint: str, bearing: AbstractBearing | None) -> "Scene":
         """Return the scene with another bearing at a joint; None: with an ideal joint there."""
-        bearings = Named({**dict(self.bearings.items()), joint: bearing})
-        return dataclasses.replace(self, bearings=bearings)
+        joints = Named({**dict(self.joints.items()), joint: bearing})
+        return dataclasses.replace(self, joints=joints)
 
     @property
     def _parts(self) -> Parts:
@@ -248,7 +237,7 @@ class Scene(Printed):
     def ideal(self) -> "Scene":
         """Return the same scene with ideal joints: what a clearance adds to."""
         formulation = _eccentricities()
-        return dataclasses.replace(self, bearings=Named(), start=None, formulation=formulation)
+        return dataclasses.replace(self, joints=Named(), start=None, formulation=formulation)
 
     @property
     def supports(self) -> OnSupports | None:

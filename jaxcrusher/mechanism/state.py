@@ -100,7 +100,7 @@ def contacts_of(scene: Scene, motion: Motion, memories: Named) -> Named[Contact]
     """Return the contacts of the joints with clearance, whose bearings have these memories."""
     found = {}
     for name, one in scene.joints.items():
-        joint = motion.linkage.joint(name)
+        joint = motion.linkage.joints.at(name)
         bore, pin = motion.spin(joint.bore.body), motion.spin(joint.pin.body)
         found[name] = one.contact(
             motion.eccentricities.at(name),

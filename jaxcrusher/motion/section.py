@@ -18,12 +18,7 @@ from jaxcrusher.mechanism.reductions import Chosen, of_slices
 from jaxcrusher.mechanism.scene import Scene, require_steady
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
 from jaxcrusher.motion.method import Method, resolve, warn_of_slopes
-from jaxcrusher.motion.statistics import (
-    AbstractOverTurns,
-    Statistics,
-    by_turns,
-    statistics_problem,
-)
+from jaxcrusher.motion.statistics import AbstractOverTurns, Statistics, by_turns, statistics_problem
 
 
 class Section(eqx.Module, AbstractOverTurns):

@@ -65,12 +65,7 @@ from jaxcrusher.scenes.parameters import (
     readable,
     within_limits,
 )
-from jaxcrusher.scenes.plausibility import (
-    borrowed,
-    has_constant_load,
-    remarks,
-    warn_of_unusual,
-)
+from jaxcrusher.scenes.plausibility import borrowed, has_constant_load, remarks, warn_of_unusual
 from jaxcrusher.scenes.units import all_said
 
 # What bodies and joints are made of.
@@ -135,7 +130,7 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     formulation = LAWS["formulation"][v["formulation"]] if loose else EccentricityFormulation
     return Scene(
         linkage=linkage,
-        bearings=Named(loose),
+        joints=Named(loose),
         drive=drive,
         pushes=() if load is None else (load,),
         springs=() if rod is None else (rod,),

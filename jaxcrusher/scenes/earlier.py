@@ -5,12 +5,10 @@ Each works for one version more, and says once in a process what to write instea
 
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.setup import warn_once
-from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.scenes.build import paper_machine
 from jaxcrusher.scenes.machine import Machine, OwnFunction, machine_of
 
@@ -66,17 +64,6 @@ def of_description(verb: Verb) -> Verb:
     return cast(Verb, called)
 
 
-@dataclass(frozen=True)
-class ByPlace:
-    """A function of numbers by their place, called with them by name."""
-
-    function: Callable[..., Scene]
-
-    def __call__(self, **numbers: Any) -> Scene:
-        """Return the scene of the numbers."""
-        return self.function(*numbers.values())
-
-
 def unnamed(*names: str) -> Callable[[Verb], Verb]:
     """Let a call have a function of numbers without names in the place of a machine and names."""
 
@@ -92,7 +79,8 @@ def unnamed(*names: str) -> Callable[[Verb], Verb]:
             known = names if of is None else (of,)
             said = known[0] if len(known) == 1 else known
             _say(verb, f"machine, {said!r}")
-            return verb(Machine(OwnFunction(ByPlace(machine))), said, *args, **settings)
+            by_name = OwnFunction(lambda **numbers: machine(*numbers.values()))
+            return verb(Machine(by_name), said, *args, **settings)
 
         return cast(Verb, called)
 

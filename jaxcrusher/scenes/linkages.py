@@ -212,7 +212,7 @@ class Drawing(AbstractStructure):
         require_closing(linkage, {name: one.clearance for name, one in bearings.items()})
         return Scene(
             linkage=linkage,
-            bearings=Named(bearings),
+            joints=Named(bearings),
             drive=drive_of(v),
             pushes=tuple(_push(v, *force) for force in self.forces),
             springs=tuple(_spring(v, *spring) for spring in self.springs),
@@ -539,7 +539,7 @@ def _levers(linkage: Linkage, clearances: Mapping[str, Any], angles: Any) -> lis
             length = norm(u, 0.0)
             if dyad.second_joint in linkage.slides:
                 end, off_end, other = meeting, off, None  # which slides
-                share = jnp.abs(linkage.slide(dyad.second_joint).direction.cross(u)) / length
+                share = jnp.abs(linkage.slides.at(dyad.second_joint).direction.cross(u)) / length
                 cosines = jnp.array([share, share + total / length])
             else:
                 end, off_end = outer(dyad.second_joint, dyad.second)

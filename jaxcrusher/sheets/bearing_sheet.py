@@ -72,7 +72,7 @@ def _friction(s: Snapshot, scene: Scene, joint: str) -> Scalar:
 
 def _swings(scene: Scene, joint: str) -> bool:
     """Return whether a joint has rollers between two bodies of which none is the crank."""
-    one = scene.linkage.joint(joint)
+    one = scene.linkage.joints.at(joint)
     rolls = isinstance(scene.joints[joint], RollerBearing)
     return rolls and scene.linkage.crank not in (one.bore.body, one.pin.body)
 

@@ -25,7 +25,7 @@ def motion(impact_velocity, times=MICROSECONDS, friction=None, outputs=SEEN):
     bearing = scene.joints["B"]
     normal = replace(bearing.normal, impact_velocity=impact_velocity)
     bearing = replace(bearing, normal=normal, friction=friction)
-    scene = replace(scene, bearings=Named({"B": bearing}))
+    scene = replace(scene, joints=Named({"B": bearing}))
     made = jc.simulate(scene, times, outputs=outputs, rtol=1e-12)
     assert bool(made.success), made.failure
     return made

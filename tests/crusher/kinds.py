@@ -133,7 +133,10 @@ def _pushes(s, scene):
     """Return what pushes the frame less what it passes on or is accelerated by, and a size."""
     point = Vector(0.0, 0.0) if scene.foundation is None else scene.foundation.point
     pushes = [
-        (scene.linkage.joint("shaft_bearing").bore.arm.vector(), -ob.bearing_reaction(s, scene)),
+        (
+            scene.linkage.joints.at("shaft_bearing").bore.arm.vector(),
+            -ob.bearing_reaction(s, scene),
+        ),
         (Vector(0.0, 0.0), -ob.toggle_reaction(s, scene)),
     ]
     if scene.pushes:
@@ -144,7 +147,7 @@ def _pushes(s, scene):
         pushes.append((rod.spring.ends[0].arm.vector(), rod.pull * rod.axis))
     moment = -general.drive_torque(s, scene)
     for name, contact in s.contacts.items():
-        if scene.linkage.joint(name).bore.body == FRAME:
+        if scene.linkage.joints.at(name).bore.body == FRAME:
             moment += contact.bearing_moment
     # In flight bearing and pivot may feel nothing.
     weight = scene.linkage.gravity * sum(body.mass for body in scene.linkage.bodies.values)

@@ -163,11 +163,11 @@ def test_a_mirrored_crusher_has_mirrored_loads():
         return eqx.tree_at(lambda s: s.mass_centre, body, Arm(arm.x, -arm.y))
 
     throw, jaw, toggle = lengths_of(one).values()
-    at = one.joint("shaft_bearing").bore.arm
+    at = one.joints.at("shaft_bearing").bore.arm
     other = crusher_linkage(
-        mirrored(one.body("shaft")),
-        mirrored(one.body("jaw")),
-        one.body("toggle"),
+        mirrored(one.bodies.at("shaft")),
+        mirrored(one.bodies.at("jaw")),
+        one.bodies.at("toggle"),
         eccentricity=throw,
         jaw_length=jaw,
         toggle_length=toggle,

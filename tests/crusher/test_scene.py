@@ -84,13 +84,13 @@ def crusher(length, mass=524.0, inertia=128.48):
     """Return the paper's linkage with another jaw."""
     one = build_linkage({})
     return crusher_linkage(
-        one.body("shaft"),
+        one.bodies.at("shaft"),
         Body(mass, inertia),
-        one.body("toggle"),
-        eccentricity=one.joint("main").pin.arm.x,
+        one.bodies.at("toggle"),
+        eccentricity=one.joints.at("main").pin.arm.x,
         jaw_length=length,
-        toggle_length=one.joint("elbow").pin.arm.x,
-        bearing=one.joint("shaft_bearing").bore.arm.vector(),
+        toggle_length=one.joints.at("elbow").pin.arm.x,
+        bearing=one.joints.at("shaft_bearing").bore.arm.vector(),
     )
 
 

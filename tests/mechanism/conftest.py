@@ -80,7 +80,7 @@ def press():
         "lever": Body(0.4, 2e-3, Arm(0.08, 0.01)),
         "link": Body(0.2, 1e-3, Arm(0.05)),
     }
-    wrist = one.joint("wrist")
+    wrist = one.joints.at("wrist")
     joints = {
         **dict(one.joints.items()),
         "wrist": Joint(wrist.pin, wrist.bore),
@@ -105,8 +105,8 @@ def machine(linkages):
         drive = ConstantSpeed(20.0) if drive is None else drive
         linkage, bearings = linkages[name], Named({n: bearing() for n in loose})
         pulled = "rocker" if "rocker" in linkage.bodies else "slider"
-        centre = Point(pulled, linkage.body(pulled).mass_centre)
+        centre = Point(pulled, linkage.bodies.at(pulled).mass_centre)
         pull = Push(centre, Vector(-700.0, 200.0))
-        return Scene(linkage=linkage, bearings=bearings, drive=drive, pushes=(pull,), start=None)
+        return Scene(linkage=linkage, joints=bearings, drive=drive, pushes=(pull,), start=None)
 
     return made

@@ -153,7 +153,7 @@ def test_power_and_formulations(machine, linkages, name, loose, drive, frame):
 
 def across(s, name):
     """The force of a slider on the frame, N."""
-    return s.accelerations.slides[name].force * s.motion.linkage.slide(name).direction.perp()
+    return s.accelerations.slides[name].force * s.motion.linkage.slides.at(name).direction.perp()
 
 
 @pytest.mark.parametrize("frame", [False, True], ids=["clamped", "supports"])
@@ -211,7 +211,7 @@ def test_pins_in_contact_rest(machine, linkages, name):
     law = LankaraniNikravesh(1e11, 1.0, ConstantImpactVelocity(0.1), width=1e-8)
     bearings = Named({joint: ClearanceJoint(0.02, 1e-4, law, None) for joint in names})
     scene = eqx.tree_at(
-        lambda s: (s.bearings, s.start),
+        lambda s: (s.joints, s.start),
         machine(name, names),
         (bearings, InContact()),
         is_leaf=lambda x: x is None,

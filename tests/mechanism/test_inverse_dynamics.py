@@ -57,7 +57,7 @@ def test_the_ideal_slider_crank_is_that_of_inverse_dynamics(machine, time):
     state = scene.formulation.initial(scene)
     s = scene.formulation.snapshot(jax.numpy.asarray(time), state, scene)
     crank, guide = s.motion.crank, s.accelerations.slides["guide"]
-    second = s.accelerations.centres["slider"].dot(scene.linkage.slide("guide").direction)
+    second = s.accelerations.centres["slider"].dot(scene.linkage.slides.at("guide").direction)
     found = second, guide.force, guide.moment, s.accelerations.torque
     expected = by_hand(float(crank.angle), float(crank.speed), float(crank.acceleration))
     # Rounding of forces and moments of 2e4 m/s2 times masses and arms of which these are sums.
@@ -80,7 +80,7 @@ def test_multipliers_bring_a_slider_back_to_its_line(machine):
     spin_up, centre = s.accelerations.spin_ups["slider"], s.accelerations.centres["slider"]
     # Rounding of the 1e5 rad/s2 that moments of 10 N m would give 1e-4 kg m2, and of the solve.
     assert float(spin_up) == pytest.approx(-60 * 0.3 - 400 * 2e-3, abs=1e-9)
-    slide = scene.linkage.slide("guide")
+    slide = scene.linkage.slides.at("guide")
     origin, normal = Point("slider"), slide.direction.perp()
     arm = s.motion.position(origin) - s.motion.centre("slider")
     second = centre + spin_up * arm.perp() - 0.3**2 * arm

@@ -96,7 +96,7 @@ def test_a_side_chooses_where_a_dyad_meets(linkages):
     other = dataclasses.replace(linkages["four-bar"], sides=(-1,))
     start, end = np.array([0.05, 0.0]), np.array([0.3, -0.05])
     for linkage, side in ((linkages["four-bar"], 1), (other, -1)):
-        meeting = ideal_at_rest(linkage, 0.0).position(linkage.joint("small end").pin)
+        meeting = ideal_at_rest(linkage, 0.0).position(linkage.joints.at("small end").pin)
         to_end, to_meeting = end - start, np.asarray(meeting.array()) - start
         assert np.sign(to_end[0] * to_meeting[1] - to_end[1] * to_meeting[0]) == side
 

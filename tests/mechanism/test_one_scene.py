@@ -47,7 +47,7 @@ def rolling(machine):
     """A slider-crank whose rod ends in rollers at both of its ends; a second point of the rod."""
     return dataclasses.replace(
         machine("slider-crank", drive=ConstantSpeed(SPEED)),
-        bearings=Named({"wrist": rollers(), "big end": rollers()}),
+        joints=Named({"wrist": rollers(), "big end": rollers()}),
         start=Centred(),
         points=Named({"tip": Point("rod", Arm(0.12))}),
     )
@@ -120,7 +120,7 @@ def test_a_joint_that_is_called_main_has_its_prefix_as_all_others(machine):
     }
     linkage = dataclasses.replace(plain.linkage, joints=Named(joints))
     bearings = Named({"main": plain.joints.at("pivot")})
-    scene = dataclasses.replace(plain, linkage=linkage, bearings=bearings)
+    scene = dataclasses.replace(plain, linkage=linkage, joints=bearings)
     assert {"main_winding", "main_force_peak"} < set(scene.statistics)
     assert "winding" not in scene.statistics and "main_eccentricity" in scene.observables
     assert jc.build_scene({}).prefix("main") == ""

@@ -327,7 +327,7 @@ def test_the_two_bearings_are_drawn_once(tmp_path, monkeypatch):
     case: Any = SimpleNamespace(design=design)
     figures.draw_bearings(tmp_path, case, found.optimum)
     (names,) = drawn
-    bearing = jc.build_scene({}).linkage.joint("shaft_bearing").bore.arm.vector()
+    bearing = jc.build_scene({}).linkage.joints.at("shaft_bearing").bore.arm.vector()
     np.testing.assert_allclose(names["O"].xy, [float(bearing.x), float(bearing.y)], rtol=1e-12)
     np.testing.assert_array_equal(names["C"].xy, [0.0, 0.0])
     assert names["$R_O$"].get_visible() and names["$R_C$"].get_visible()

@@ -945,7 +945,7 @@ def test_free_parameters_by_name():
     # Capacity is 9.41 m3/h at 25 rad/s and falls as 1 / speed: 8 at 29.4 rad/s.
     np.testing.assert_array_equal(data.counts.all("start"), data.speed < 29.41)
     scene = case.design.scene(np.array([0.0, 0.0, 1.0]))
-    assert float(scene.linkage.body("shaft").mass) == pytest.approx(145.0)
+    assert float(scene.linkage.bodies.at("shaft").mass) == pytest.approx(145.0)
 
 
 def test_wear_is_searched_where_friction_may_vanish():

@@ -109,7 +109,7 @@ def test_positions_are_those_of_the_linkage(name):
     """Links keep their lengths, S2 lies where (Table 2) the jaw's angle puts it."""
     scene, motion = drawn(name)
     pin, elbow = np.asarray(motion.pin_position), np.asarray(motion.jaw_position)
-    bearing = np.asarray(scene.linkage.joint("shaft_bearing").bore.arm.vector().array())
+    bearing = np.asarray(scene.linkage.joints.at("shaft_bearing").bore.arm.vector().array())
     arm = pin - bearing
     angle = 30.0 * np.asarray(motion.time)
     # Sums of numbers of order one.

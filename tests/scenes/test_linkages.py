@@ -701,7 +701,7 @@ def levers_by_random_eccentricities(scene, clearances, count=200):
             ]
             u = spots[0] - spots[1]
             upright = dyad.second_joint in held.slides
-            v = held.slide("guide").direction.perp() if upright else spots[2] - spots[3]
+            v = held.slides.at("guide").direction.perp() if upright else spots[2] - spots[3]
             found.append(jnp.abs(u.cross(v)) / jnp.sqrt(u.dot(u) * v.dot(v)))
         return jnp.stack(found)
 

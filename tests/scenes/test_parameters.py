@@ -62,8 +62,8 @@ def test_defaults_are_tables_1_and_2():
     joint |= {"impact_velocity": 0.5, "young": 207e9, "poisson": 0.29}
     for name, value in (joint | {"speed": 30.0, "load": 8.8e3, "gravity": 9.81}).items():
         assert PARAMETERS[name].default == value, name
-    bearing, jaw = linkage.joint("shaft_bearing").bore.arm, linkage.body("jaw").mass_centre
-    assert float(linkage.body("shaft").mass) == 95.0
+    bearing, jaw = linkage.joints.at("shaft_bearing").bore.arm, linkage.bodies.at("jaw").mass_centre
+    assert float(linkage.bodies.at("shaft").mass) == 95.0
     # Table 2: O at 0.64 m, 22.5 deg off the vertical; S2 = A - l21 (B-A axis turned by 15 deg).
     assert float(bearing.x) == pytest.approx(0.64 * np.sin(np.pi / 8), rel=1e-15)
     assert float(jaw.x) == pytest.approx(-0.3 * np.cos(np.pi / 12), rel=1e-15)
@@ -120,7 +120,7 @@ def test_ideal_twin_differs_in_its_joint_only(formulation):
 
 def test_counterweight_is_a_point_mass():
     """Mass, first moment and moment of inertia about O add up."""
-    shaft = build_linkage({}).body("shaft")
+    shaft = build_linkage({}).bodies.at("shaft")
     position = 0.25 * direction(jnp.array(2.0))
     both = with_counterweight(shaft, 30.0, position)
     assert float(both.mass) == 125.0
@@ -135,7 +135,7 @@ def test_counterweight_is_a_point_mass():
     linkage = build_linkage(
         {"counterweight.mass": 30.0, "counterweight.radius": 0.25, "counterweight.angle": 2.0}
     )
-    built = linkage.body("shaft")
+    built = linkage.bodies.at("shaft")
     centre = built.mass_centre.vector()
     found = built.inertia + built.mass * centre.dot(centre)
     np.testing.assert_allclose(found, about_o, rtol=1e-14)

@@ -60,7 +60,7 @@ def test_the_frame_moves_as_a_rigid_body(orbit):
         return place + np.stack([cos * arm[0] - sin * arm[1], sin * arm[0] + cos * arm[1]], axis=1)
 
     bearing, corner = (
-        turning(orbit.scene.linkage.joint("shaft_bearing").bore.arm.vector().array()),
+        turning(orbit.scene.linkage.joints.at("shaft_bearing").bore.arm.vector().array()),
         turning((1.2, -0.5)),
     )
     # By an angle that the shaft turns evenly through.
@@ -107,7 +107,7 @@ def test_moments_are_about_the_shaft_and_the_base(orbit):
     rows = by_name(sheet(orbit, 1))
     levels = {
         "at the shaft's level, about O": np.asarray(
-            orbit.scene.linkage.joint("shaft_bearing").bore.arm.vector().array()
+            orbit.scene.linkage.joints.at("shaft_bearing").bore.arm.vector().array()
         ),
         "at the base, in its middle": np.array([0.1, -0.6]),
     }

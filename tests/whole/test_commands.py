@@ -368,7 +368,10 @@ def test_gradient_asks_for_the_crusher_of_the_command_line(tmp_path, monkeypatch
         parameters = {name: machine.number(name) for name in names}
         asked.update(parameters, metric=metric, turns=options["turns"])
         built = machine.scene(**{name: 2 * value for name, value in parameters.items()})
-        assert float(built.linkage.body("jaw").mass) == 1000.0 and float(built.drive.speed) == 25.0
+        assert (
+            float(built.linkage.bodies.at("jaw").mass) == 1000.0
+            and float(built.drive.speed) == 25.0
+        )
         slopes = {
             name: Slope(
                 name, "fit", np.float64(1.5), np.nan, 0.1, "doubtful", ("why",), {"fit": (1.5, 0.1)}
