@@ -74,9 +74,9 @@ def press():
     """A slider before its link, a pin and a bore the other way round, and a dyad on the slider."""
     one = slider_crank()
     bodies = {
-        "slider": one.body("slider"),
-        "rod": one.body("rod"),
-        "crank": one.body("crank"),
+        "slider": one.bodies.at("slider"),
+        "rod": one.bodies.at("rod"),
+        "crank": one.bodies.at("crank"),
         "lever": Body(0.4, 2e-3, Arm(0.08, 0.01)),
         "link": Body(0.2, 1e-3, Arm(0.05)),
     }
