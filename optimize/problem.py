@@ -13,7 +13,7 @@ from jaxcrusher.mechanism.scene import Scene, require_clearance
 from jaxcrusher.scenes.build import Crusher, build_chamber, build_scene
 from jaxcrusher.scenes.machine import Machine, tell_about
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import NUMBERS, PE250X400, in_words, key_of, readable
+from jaxcrusher.scenes.parameters import PE250X400, in_words, key_of, readable
 from jaxcrusher.scenes.reader import (
     kind_of,
     naming,
@@ -374,7 +374,8 @@ def _reference(
     """
     base, title = {**PE250X400, **described}, "scene file's choice"
     base |= CounterweightMoment().of(base)
-    assumed = {name: NUMBERS[name].default for name in free if name not in base}
+    known = Crusher().numbers(described)
+    assumed = {name: known[name].default for name in free if name not in base}
     others = {}
     if options.scene is None:
         choice = {"speed": SEED_SPEED, "clearance": SEED_CLEARANCE}
@@ -383,6 +384,7 @@ def _reference(
         base, title = base | choice, "paper's choice"
     values = {name: float((base | assumed)[name]) for name in free}
     told = [
-        f"{in_words(name)} {readable(name, value)}" for name, value in (others | assumed).items()
+        f"{in_words(name)} {readable(name, value, known)}"
+        for name, value in (others | assumed).items()
     ]
     return values, f"{title} with {' and '.join(told)}" if told else title

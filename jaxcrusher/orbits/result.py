@@ -312,7 +312,7 @@ def turns_of(orbit: PeriodicOrbit, entries: Mapping[str, Observable]) -> Turns:
     """Return observables at `SAMPLES` instants a turn of an orbit: a piece that repeats."""
     phases = 2 * np.pi / SAMPLES * jnp.arange(SAMPLES * orbit.period, dtype=float)
     seen = seen_along(orbit, phases, tuple(entries.items()))
-    return Turns(orbit.scene, orbit.period, {name: one[None] for name, one in seen.items()})
+    return Turns(orbit.scene, orbit.period, {name: seen[name][None] for name in entries})
 
 
 def finished(

@@ -59,6 +59,7 @@ def test_numbers_are_printed_where_they_are_known():
 
 @pytest.mark.parametrize(("one", "other"), [(3.0, 5.0), (None, 5.0), (3.0, None)])
 def test_nothing_is_zero_in_sums_and_differences(one, other):
-    assert plus(one, other) == (one or 0.0) + (other or 0.0)
-    assert minus(one, other) == (one or 0.0) - (other or 0.0)
+    first, second = (None if number is None else jnp.asarray(number) for number in (one, other))
+    assert plus(first, second) == (one or 0.0) + (other or 0.0)
+    assert minus(first, second) == (one or 0.0) - (other or 0.0)
     assert plus(None, None) is None and minus(None, None) is None

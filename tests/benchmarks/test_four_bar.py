@@ -53,7 +53,7 @@ def test_free_bodies_begin_where_they_are_put():
     swept = [
         turn * rates.get(n, 0j) + 1j * frame[5] * at for n, at in zip(names, place, strict=True)
     ]
-    nominal = [drawn.values["foundation.x"], drawn.values["foundation.y"], 0.0]
+    nominal = [drawn.machine.values["foundation.x"], drawn.machine.values["foundation.y"], 0.0]
     known = [*_parts(place), *(frame[:3] + nominal), *_parts(swept), *frame[3:]]
     # Rounding of positions of some metres.
     np.testing.assert_allclose(found, known, atol=1e-13)

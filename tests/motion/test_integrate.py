@@ -84,7 +84,7 @@ def test_a_failed_lane_leaves_the_others_alone():
     stacked = eqx.tree_at(
         lambda s: s.joints.at("main").normal.stiffness,
         stacked,
-        stacked.joint.normal.stiffness.at[0].set(jnp.nan),
+        stacked.joints.at("main").normal.stiffness.at[0].set(jnp.nan),
     )
     run = eqx.filter_jit(
         eqx.filter_vmap(lambda s: jc.statistics(s, 0, 1, outputs=("foundation_rms",)))

@@ -53,7 +53,7 @@ def test_a_global_that_changes_is_seen(monkeypatch):
     @eqx.filter_jit
     def clearance(family, value):
         traces.append(CLEARANCE)
-        return family(value).args.joint.clearance
+        return family(value).args.joints.at("main").clearance
 
     def follow(problem, x, start, **_):
         seen.append(float(clearance(problem.family, jnp.asarray(start))))
