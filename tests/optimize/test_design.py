@@ -84,9 +84,8 @@ def test_a_stroke_out_of_reach_is_not_a_number():
 def test_counterweight_by_its_moment():
     both = CounterweightMoment()
     names = both.inputs
-    shaft = build_linkage(both({names[0]: -3.0, names[1]: 4.0, "counterweight.radius": 0.25})).body(
-        "shaft"
-    )
+    values = both({names[0]: -3.0, names[1]: 4.0, "counterweight.radius": 0.25})
+    shaft = build_linkage(values).bodies.at("shaft")
     assert float(shaft.mass) == pytest.approx(95.0 + 5.0 / 0.25, rel=1e-14)
     plain = build_linkage({}).body("shaft")
     added = shaft.mass * shaft.mass_centre.vector().array()
