@@ -87,14 +87,14 @@ def test_counterweight_by_its_moment():
     values = both({names[0]: -3.0, names[1]: 4.0, "counterweight.radius": 0.25})
     shaft = build_linkage(values).bodies.at("shaft")
     assert float(shaft.mass) == pytest.approx(95.0 + 5.0 / 0.25, rel=1e-14)
-    plain = build_linkage({}).body("shaft")
+    plain = build_linkage({}).bodies.at("shaft")
     added = shaft.mass * shaft.mass_centre.vector().array()
     added -= plain.mass * plain.mass_centre.vector().array()
     np.testing.assert_allclose(added, [-3.0, 4.0], rtol=1e-13)
 
     def first_moment(moment):
         values = both(dict(zip(names, moment, strict=True)))
-        shaft = build_linkage(values).body("shaft")
+        shaft = build_linkage(values).bodies.at("shaft")
         return shaft.mass * shaft.mass_centre.vector().array()
 
     # Also where there is no counterweight the moment has a slope: it is the moment itself.
