@@ -16,7 +16,7 @@ from jaxcrusher.files.journal import text_of
 from jaxcrusher.mechanism.scene import Scene, require_scene
 from jaxcrusher.scenes.machine import AbstractStructure, Machine, OwnFunction, scene_by
 from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import CHOICES, FILES, PARAMETERS, WHOLE, Parameter, check_number
+from jaxcrusher.scenes.parameters import CHOICES, FILES, PARAMETERS, Parameter, check_number
 
 
 @dataclass(frozen=True)
@@ -163,8 +163,10 @@ def make_grid(machine: Machine, axes: Mapping[str, Any]) -> Grid:
     grid = Grid(varied, structure.beside(fixed, varied), structure)
     some = len(grid.numbers_described) > 0
     require(some, "axes", "hold a number, such as the speed, where the machine has none", "without")
-    for name in set(WHOLE).intersection(varied):
-        check_number(name, np.array(varied[name]))
+    known = grid.parameters
+    for name in varied:
+        if name in known and known[name].whole:
+            check_number(name, np.array(varied[name]), known)
     # All other limits are intervals, and what keeps off the dead points is convex: the grid's
     # corners speak for what lies between.
     ends = [

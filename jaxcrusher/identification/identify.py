@@ -299,7 +299,7 @@ def identify(
     machine, names = machine_of(machine), () if isinstance(free, str) else tuple(free)
     good = 0 < len(names) == len(set(names)) and "speed" not in names
     require(good, "free", "name numbers but the speed, each once", repr(free))
-    require_continuous("free", names)
+    require_continuous("free", names, machine)
     values = free if isinstance(free, Mapping) else {name: machine.number(name) for name in names}
     problem, begin = _problem(machine, values, priors or {}, nodes)
     known = problem.quantities

@@ -17,16 +17,16 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.turns import SIDES
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit, turns_of
-from jaxcrusher.scenes.machine import Family
-from jaxcrusher.scenes.parameters import WHOLE as WHOLE_NUMBERS
+from jaxcrusher.scenes.machine import Family, Machine
 
 # A number of an orbit beside its statistics.
 LEAST_PENETRATION = "least_penetration"
 
 
-def require_continuous(argument: str, names: Iterable[str]) -> None:
-    """ValueError for a whole number, by which nothing has slopes."""
-    whole = [name for name in names if name in WHOLE_NUMBERS]
+def require_continuous(argument: str, names: Iterable[str], machine: Machine) -> None:
+    """ValueError for a whole number of a machine, by which nothing has slopes."""
+    numbers = machine.structure.numbers({**machine.given, **dict.fromkeys(names)})
+    whole = [name for name in names if name in numbers and numbers[name].whole]
     require(not whole, argument, "name numbers that may vary continuously", ", ".join(whole))
 
 

@@ -67,7 +67,7 @@ def propagate(
     require(len(sigmas) > 0, "sigmas", "name a number", "empty")
     require(bool(orbit.success), "orbit", "be one that was found", f"none: {orbit.failure}")
     machine, names = machine_of(machine), tuple(sigmas)
-    require_continuous("sigmas", names)
+    require_continuous("sigmas", names, machine)
     pairs = [of if isinstance(of, tuple) else (machine.number(n), of) for n, of in sigmas.items()]
     first, sizes = np.array(pairs, float).T
     for name, size in zip(names, sizes, strict=True):

@@ -335,8 +335,6 @@ NUMBERS: Mapping[str, Parameter] = MappingProxyType({**PARAMETERS, **CHAMBER, **
 # A diameter of a drawing -> the radius that it gives.
 DIAMETERS = {"diametral_clearance": "clearance", "bore_diameter": "bore_radius"}
 
-WHOLE = tuple(name for name, parameter in NUMBERS.items() if parameter.whole)
-
 # A name, or the beginning of names -> what a description must have one of to have them: a name, or
 # the choice of a law.
 _OPENERS: dict[str, tuple[str, ...]] = {
@@ -445,8 +443,9 @@ def numbers_of(values: Mapping[str, Any], numbers: Mapping[str, Parameter] = NUM
 
     Those of the chamber are among them where it is the load: a bed of rock.
     """
-    none = {*WHOLE, *(() if values.get("load_law") == "chamber" else CHAMBER)}
-    return [name for name in numbers if name in values and name not in none]
+    none = () if values.get("load_law") == "chamber" else CHAMBER
+    known = (name for name in numbers if name in values and name not in none)
+    return [name for name in known if not numbers[name].whole]
 
 
 def refuse_others(name: str) -> None:

@@ -41,7 +41,6 @@ from jaxcrusher.scenes.parameters import (
     OF_LINKAGES,
     POINTS,
     SITE,
-    WHOLE,
     check_number,
     key_of,
     refuse_others,
@@ -325,7 +324,8 @@ def require_moving(argument: str, name: str, machine: Machine = PAPER) -> None:
 def require_continuous(argument: str, name: str, machine: Machine = PAPER) -> None:
     """ValueError, of the `argument`, for a name that is no number that motions have slopes by."""
     require_moving(argument, name, machine)
-    require(name not in WHOLE, argument, "name a number that may vary continuously", name)
+    must = "name a number that may vary continuously"
+    require(not machine.numbers[name].whole, argument, must, name)
 
 
 def points_of(values: Mapping[str, Any]) -> dict[str, tuple[float, float]]:

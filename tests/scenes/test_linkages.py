@@ -881,3 +881,14 @@ def linkage_of(seed):
     gas = {"body": "slider", "force": [-300.0, 0.0], "scatter": 0.2}
     machine = jc.linkage_machine(**changed(forces={"gas": gas}))
     return machine.scene(**{"forces.gas.seed": seed})
+
+
+def test_a_seed_of_a_linkage_is_a_whole_number_for_every_verb():
+    """Also between the ends of an axis, whose limits they speak for."""
+    rough = {"push": {"body": "slider", "force": [-300.0, 0.0], "scatter": 0.1, "seed": 1.0}}
+    machine = jc.linkage_machine(**changed(forces=rough))
+    with pytest.raises(ValueError, match=r"`forces\.push\.seed` must be a whole number"):
+        jc.sweep(machine, {"forces.push.seed": [1.0, 1.5, 2.0]}, 0, 1)
+    with pytest.raises(ValueError, match="`free` must name numbers that may vary continuously"):
+        jc.identify(machine, [], ["forces.push.seed"])
+    assert "forces.push.scatter" in machine.numbers and machine.numbers["forces.push.seed"].whole
