@@ -131,7 +131,8 @@ class Window:
     def __call__(self, scene: Scene) -> dict[str, jax.Array]:
         """Return the values of `columns_of_row` for one design."""
         method = resolve(scene, self.rtol)
-        own = tuple((name, one) for name, one in self.statistics if name in scene.statistics)
+        table = scene.statistics
+        own = tuple((name, one) for name, one in self.statistics if name in table)
         found = over_turns(scene, None, self.settle_turns, self.turns, own, method)
         return row_of(found, [name for name, _ in own], limited_joints(scene))
 

@@ -4,7 +4,6 @@ That is the forces on its foundation, and places of its jaw.
 """
 
 from collections.abc import Mapping
-from types import MappingProxyType
 
 from jaxtyping import Scalar
 
@@ -139,8 +138,8 @@ CRUSHER = Template(
 # A crusher all of whose joints are loose and rub, on supports, with a rod; the last has rollers.
 _EVERY = Parts(JOINTS, JOINTS, JOINTS, ("main",), supports=True, springs=True, rests=True)
 # Name -> what it is of a crusher, for where no scene is at hand: a scene has those of its parts.
-OBSERVABLES: Mapping[str, Observable] = MappingProxyType(asked_of(CRUSHER, _EVERY).observables)
-STATISTIC: Mapping[str, Statistic] = MappingProxyType(asked_of(CRUSHER, _EVERY).statistics)
+OBSERVABLES: Mapping[str, Observable] = asked_of(CRUSHER, _EVERY).observables
+STATISTIC: Mapping[str, Statistic] = asked_of(CRUSHER, _EVERY).statistics
 # What `statistics` computes of the paper's crusher without being asked, by joint that is loose.
 STATISTICS = tuple(asked_of(CRUSHER, Parts(JOINTS, ("main",))).usual)
 ALWAYS = tuple(asked_of(CRUSHER, Parts(JOINTS, JOINTS)).usual)

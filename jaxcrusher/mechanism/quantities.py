@@ -7,6 +7,7 @@ supports. A template says what they are called, and adds what its machines alone
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import jax.numpy as jnp
@@ -76,18 +77,19 @@ class Parts(NamedTuple):
     rests: bool = False
 
 
-class Asked(NamedTuple):
+@dataclass(frozen=True)
+class Asked:
     """What can be asked of a scene, and what limits its model besides contacts, by name."""
 
-    observables: Observables
+    observables: Mapping[str, Observable]
     usual: Statistics  # computed without being asked for
     further: Statistics  # when asked; of a usual one the same
     limits: Limits  # as far as statistics tell them
 
-    @property
-    def statistics(self) -> Statistics:
-        """Return all statistics, the usual ones first."""
-        return self.usual | self.further
+    @functools.cached_property
+    def statistics(self) -> Mapping[str, Statistic]:
+        """Return all statistics, the usual ones first; scenes of the same parts share the table."""
+        return MappingProxyType(self.usual | self.further)
 
 
 class Title(NamedTuple):
@@ -283,23 +285,18 @@ def own_of_linkage(parts: Parts) -> Asked:
         of_joints[f"{joint}_reaction"] = _seen(on_bore, joint, "N", meaning)
         further |= _sizes(f"{joint}_force", "N", f"force in {joint}", OfPart(force_at, joint))
     for slide in parts.slides:
-        found[f"{slide}_force"] = _seen(
-            _slide_force, slide, "N", f"force on the slide {slide}, to the left of its direction"
-        )
-        found[f"{slide}_moment"] = _seen(
-            _slide_moment, slide, "N m", f"moment on the slide {slide} about its body's origin"
-        )
+        left = f"force on the slide {slide}, to the left of its direction"
+        about = f"moment on the slide {slide} about its body's origin"
+        found[f"{slide}_force"] = _seen(_slide_force, slide, "N", left)
+        found[f"{slide}_moment"] = _seen(_slide_moment, slide, "N m", about)
         further |= _sizes(f"{slide}_force", "N", f"force on {slide}", OfPart(_slide_size, slide))
     for point in parts.points:
-        found[f"{point}_position"] = _seen(
-            position, point, "m", f"place of {point}, from the frame"
-        )
-        found[f"{point}_velocity"] = _seen(
-            _velocity, point, "m/s", f"velocity of {point}, past the frame"
-        )
-        found[f"{point}_acceleration"] = _seen(
-            _acceleration, point, "m/s2", f"acceleration of {point}, past the ground"
-        )
+        for name, function, unit, meaning in (
+            ("position", position, "m", f"place of {point}, from the frame"),
+            ("velocity", _velocity, "m/s", f"velocity of {point}, past the frame"),
+            ("acceleration", _acceleration, "m/s2", f"acceleration of {point}, past the ground"),
+        ):
+            found[f"{point}_{name}"] = _seen(function, point, unit, meaning)
         size = OfPart(_acceleration_size, point)
         further |= _sizes(f"{point}_acceleration", "m/s2", f"acceleration of {point}", size)
     _require_new(found, of_joints)
@@ -378,7 +375,9 @@ def asked_of(template: Template, parts: Parts) -> Asked:
         meaning = f"mean of F_n |surface slip| at {at.title}: wear"
         further[f"{at.prefix}sliding_power"] = Statistic("W", meaning, wear, PowerMean())
     further |= OF_SUPPORTS if parts.supports else {}
-    return Asked(of_joints | own.observables | others, usual, further, limits)
+    # Scenes of the same parts share it.
+    table = MappingProxyType({**of_joints, **own.observables, **others})
+    return Asked(table, usual, further, limits)
 
 
 # What a scene may lack, and how its parts would be with it.

@@ -174,7 +174,8 @@ class Scene(Printed):
     @property
     def statistics(self) -> Mapping[str, Statistic]:
         """Return all that may be asked of a motion, by name, with the user's own."""
-        return self._asked.statistics | dict(self.own)
+        known = self._asked.statistics
+        return {**known, **dict(self.own)} if self.own else known
 
     @property
     def usual_statistics(self) -> tuple[str, ...]:
