@@ -121,9 +121,9 @@ def resolve(options: Options) -> Problem:
             case.capacity_floor,
         )
     speeds = None
-    for number, ends in free.items():
-        for end in ends if number not in CounterweightMoment.inputs else ():
-            machine.replace(**{number: end}).unusual()
+    machine.require_possible(
+        {name: ends for name, ends in free.items() if name not in CounterweightMoment.inputs}
+    )
     if chamber is not None:
         speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(case.capacity_floor))
     texts = (*options.overrides, *((name, high) for name, _, high in ranges(options)))

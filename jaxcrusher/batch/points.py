@@ -14,7 +14,7 @@ import numpy as np
 from jaxcrusher.basics.checks import require
 from jaxcrusher.files.journal import text_of
 from jaxcrusher.mechanism.scene import Scene, require_scene
-from jaxcrusher.scenes.machine import AbstractStructure, Machine, OwnFunction, scene_by
+from jaxcrusher.scenes.machine import AbstractStructure, Machine, OwnFunction, plain, scene_by
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import CHOICES, FILES, PARAMETERS, Parameter, check_number
 
@@ -159,7 +159,11 @@ def make_grid(machine: Machine, axes: Mapping[str, Any]) -> Grid:
     idle = structure.idle({**given, **varied})
     for name in varied:
         require(name not in idle, "axes", "name numbers of the motion", name)
-    fixed = {name: _fixed(name, value) for name, value in given.items() if name not in idle}
+    fixed = {}
+    for name, value in given.items():
+        if name not in idle:
+            text = isinstance(value, str | Path)
+            fixed[name] = plain(value if text else _numbers(name, value, 2 * (name in FILES)))
     grid = Grid(varied, structure.beside(fixed, varied), structure)
     some = len(grid.numbers_described) > 0
     require(some, "axes", "hold a number, such as the speed, where the machine has none", "without")
@@ -177,15 +181,6 @@ def make_grid(machine: Machine, axes: Mapping[str, Any]) -> Grid:
         made = {**grid.base, **dict(zip(varied, corner, strict=True))}
         require_scene(scene_by(structure, made))
     return grid
-
-
-def _fixed(name: str, value: Any) -> float | str | tuple:
-    """Return a value that does not vary: a number, a choice, or a curve as a tuple of points."""
-    if isinstance(value, str | Path):
-        return str(value)
-    if name in FILES:
-        return tuple(map(tuple, _numbers(name, value, 2).tolist()))
-    return float(_numbers(name, value, 0))
 
 
 def _axis(name: str, values: Any) -> tuple:

@@ -26,13 +26,15 @@ from jaxcrusher.scenes.units import per, unit_of
 def run(options: Gradient, console: Console) -> int:
     """Differentiate, print, write; 1 if the motion failed. ValueError for bad options."""
     found = read_moving(options.crusher)
-    metric = options.metric or found.scene().leading
+    scene = found.scene()
+    metric = options.metric or scene.leading
     numbers = numbers_of(found.values, found.numbers)
     by = options.by or ("speed", *(name for name in numbers if name.endswith("clearance")))
-    _check(options, found, metric, by, numbers)
+    require_choice("metric", metric, tuple(scene.statistics))
+    _check(options, found, by, numbers)
     names = "settle", "turns", "radius", "pairs", "seed", "rtol"
     asked = {"metric": metric, "by": by} | {name: getattr(options, name) for name in names}
-    values, unit = found.values, found.scene().statistics[metric].unit
+    values, unit = found.values, scene.statistics[metric].unit
     units = {name: unit_of(name, found.units)[0] for name in by}
     settings = settings_of("gradient", found, **asked, units=units)
     path = options.results.folder / "gradient.json"
@@ -67,10 +69,7 @@ def _tell(kept: dict[str, Any], path: str, console: Console) -> int:
     return 1 if kept["regime"] == "failed" else 0
 
 
-def _check(
-    options: Gradient, machine: Machine, metric: str, by: tuple[str, ...], numbers: list[str]
-) -> None:
-    require_choice("metric", metric, tuple(machine.scene().statistics))
+def _check(options: Gradient, machine: Machine, by: tuple[str, ...], numbers: list[str]) -> None:
     require(len(set(by)) == len(by), "by", "name parameters, each once", " ".join(by))
     for name in by:
         require_continuous("by", name, machine)

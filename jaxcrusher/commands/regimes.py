@@ -45,8 +45,9 @@ def run(options: Regimes, console: Console) -> int:
     """Classify what is not done yet; 1 if a run failed. ValueError for bad options."""
     found = read_moving(options.crusher)
     designs = read_designs(options, found)
-    values, outputs = found.values, of_whirl(found.scene())
-    columns = COLUMNS | columns_of(found.scene().statistics, outputs)
+    values, scene = found.values, found.scene()
+    outputs = of_whirl(scene)
+    columns = COLUMNS | columns_of(scene.statistics, outputs)
     units = found.units | _units(options)
     for name, least in (("settle", 0), ("turns", LEAST_TURNS), ("tangent_turns", 1)):
         require_whole(name, getattr(options, name), least)

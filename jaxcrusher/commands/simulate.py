@@ -182,9 +182,9 @@ def closing(motion: Trajectory, summary: Statistics | None, settle: int, scene: 
 
     def contact(share: Callable[[str], Any]) -> list[str]:
         """Say the share of time in contact of each loose joint; `share` is by its prefix."""
-        pairs = {joint: scene.prefix(joint) for joint in scene.joints.names}
-        of = {f"{joint} " if at else "": at for joint, at in pairs.items()}
-        return [f"{joint}contact share {float(share(at)):.3f}" for joint, at in of.items()]
+        pairs = ((joint, scene.prefix(joint)) for joint in scene.joints.names)
+        of = {f"{joint} " if at else "": at for joint, at in pairs}
+        return [f"{title}contact share {float(share(at)):.3f}" for title, at in of.items()]
 
     if summary is None:
         parts = []

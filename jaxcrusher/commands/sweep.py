@@ -29,9 +29,7 @@ def run(options: Sweep, console: Console) -> int:
     found = read_machine(options.crusher)
     axes = read_axes(options.over, found)
     leading = found.scene().leading
-    for name, axis in axes.items():
-        for end in (axis[0], axis[-1]):
-            found.replace(**{name: end}).unusual()
+    found.require_possible(axes)
     folder = results_folder(options.results.folder)
     designs = math.prod(len(axis) for axis in axes.values())
     # The store is chosen by --name here.

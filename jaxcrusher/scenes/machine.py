@@ -1,7 +1,7 @@
 """A machine: its structure, its numbers and choices by name, and the scenes that they make."""
 
 import abc
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -110,6 +110,14 @@ class OwnFunction(AbstractStructure):
         return {name: NUMBERS[name] for name in values if name in NUMBERS}
 
 
+def plain(value: Any) -> float | str | tuple:
+    """Return a value as programs are kept by it: a number, a text, or a curve as its points."""
+    if isinstance(value, str | Path):
+        return str(value)
+    array = np.asarray(value, float)
+    return tuple(map(tuple, array.tolist())) if array.ndim else float(array)
+
+
 def scene_by(structure: AbstractStructure, values: Mapping[str, Any]) -> Scene:
     """Return the scene of numbers, which may be traced, and choices, a curve as a tuple."""
     described = {n: np.array(one) if isinstance(one, tuple) else one for n, one in values.items()}
@@ -178,27 +186,27 @@ class Machine:
         """Return what may be a slip in its numbers, a line each; ValueError for what cannot be."""
         return self.structure.unusual(self.values)
 
+    def require_possible(self, axes: Mapping[str, Sequence[Any]]) -> None:
+        """Raise ValueError as `unusual` does, at either end of each axis, one at a time."""
+        for name, values in axes.items():
+            for end in (values[0], values[-1]):
+                self.replace(**{name: end}).unusual()
+
     def over(self, *names: str) -> Family:
         """Return its scenes as a function of some numbers, whatever values these have in it.
 
         Raises ValueError for a name that it does not have.
         """
-        fixed = {}
-        for name, value in self.values.items():
-            if not isinstance(value, str):
-                curve = np.ndim(value) > 0
-                value = tuple(map(tuple, np.asarray(value).tolist())) if curve else float(value)
-            fixed[name] = value
         if not isinstance(self.structure, OwnFunction):
             for name in names:
                 require_known(name, self.numbers)
-        left = tuple(one for one in fixed.items() if one[0] not in names)
-        return Family(self.structure, names, left)
+        fixed = {name: plain(one) for name, one in self.values.items() if name not in names}
+        return Family(self.structure, names, tuple(fixed.items()))
 
     def number(self, name: str) -> float:
         """Return the value of a number; ValueError for a name that has none."""
-        numbers = {key: one for key, one in self.values.items() if np.ndim(one) == 0}
-        numbers = {key: one for key, one in numbers.items() if not isinstance(one, str)}
+        single = {key: one for key, one in self.values.items() if np.ndim(one) == 0}
+        numbers = {key: one for key, one in single.items() if not isinstance(one, str)}
         require(len(numbers) > 0, name, "have a value, as {name: value}", "a name alone")
         require_known(name, numbers)
         return float(numbers[name])
