@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Scalar
 
-from jaxcrusher.batch.sweep import columns_of_row, limited_joints
+from jaxcrusher.batch.sweep import columns_of_row
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
 from jaxcrusher.mechanism.scene import Scene
@@ -75,7 +75,7 @@ class Case:
     def columns(self) -> dict[str, Column]:
         """The columns of what is told of a motion that was integrated."""
         scene, of = self.scene, self.objective
-        found = columns_of_row(limited_joints(scene), scene.entries(self.told))
+        found = columns_of_row(scene.watched, scene.entries(self.told))
         found |= columns_of(scene.statistics, of.outputs)
         found["objective"] = Column(of.unit, of.meaning)
         meaning = "may be chosen: succeeded, no whirl, inside the constraints"

@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Float
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.batch.engines import chunk_of, run_all
-from jaxcrusher.batch.sweep import limited_joints, row_of
+from jaxcrusher.batch.sweep import row_of
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import shifted_start
@@ -125,4 +125,4 @@ def _row(batch: tuple[Scene, Array], case: Case, window: Window) -> dict[str, Ar
     chamber = case.chamber_of(case.design.description(unit))
     objective = case.objective.formula(result, scene, chamber)
     further = {"objective": objective, "steps": result.outcome.steps, "state": result.state}
-    return row_of(result, case.told, limited_joints(scene)) | further
+    return row_of(result, case.told, scene.watched) | further

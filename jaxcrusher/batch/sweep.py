@@ -134,7 +134,7 @@ class Window:
         table = scene.statistics
         own = tuple((name, one) for name, one in self.statistics if name in table)
         found = over_turns(scene, None, self.settle_turns, self.turns, own, method)
-        return row_of(found, [name for name, _ in own], limited_joints(scene))
+        return row_of(found, [name for name, _ in own], scene.watched)
 
     def settings(self) -> dict[str, Any]:
         """Return what decides the values, as JSON keeps it."""
@@ -256,16 +256,11 @@ def plan(
     for scene in scenes:
         asked = [name for name in outputs if name in scene.statistics]
         entries |= scene.entries((*scene.usual_statistics, *asked))
-        joints |= limited_joints(scene)
+        joints |= scene.watched
     window = Window(settle_turns, turns, float(rtol), tuple(entries.items()))
     columns = columns_of_row(joints, window.statistics)
     layout = Layout(grid, columns, chunk_shape(grid, designs))
     return Ensemble(layout, window, engine)
-
-
-def limited_joints(scene: Scene) -> dict[str, str]:
-    """Return the joints whose limits stand in a row, each with the prefix of its names."""
-    return {joint: scene.prefix(joint) for joint in scene.watched}
 
 
 def columns_of_row(joints: Mapping[str, str], statistics: Chosen) -> dict[str, Column]:

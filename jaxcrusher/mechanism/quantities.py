@@ -326,9 +326,14 @@ class Template:
         """Return what a joint is called."""
         return dict(self.joints).get(name) or Title(f"{name}_", name, name.replace("_", " "))
 
+    @property
+    def first(self) -> str | None:
+        """Return the joint whose results have no prefix, if there is one."""
+        return next((name for name, title in self.joints if not title.prefix), None)
+
     def watched(self, parts: Parts) -> dict[str, Title]:
         """Return the joints of whose contact there are statistics: a first one, and loose ones."""
-        first = (name for name, title in self.joints if not title.prefix)
+        first = () if self.first is None else (self.first,)
         return {name: self.joint(name) for name in (*first, *parts.loose)}
 
 

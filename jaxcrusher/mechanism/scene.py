@@ -118,9 +118,12 @@ class Scene(Printed):
         return self.template.joint(joint).prefix
 
     @property
-    def watched(self) -> tuple[str, ...]:
-        """Return the joints of whose contact there are statistics, also of a first ideal one."""
-        return tuple(self.template.watched(self._parts))
+    def watched(self) -> dict[str, str]:
+        """Return the joints of whose contact there are statistics, each with its prefix.
+
+        A first one is among them also where it is ideal.
+        """
+        return {name: at.prefix for name, at in self.template.watched(self._parts).items()}
 
     def joint_looked_at(self, joint: str | None = None) -> str:
         """Return a loose joint: the named one, or the template's first, or the only one.
@@ -129,8 +132,7 @@ class Scene(Printed):
         """
         loose, names = self.joints.names, self.linkage.joints.names
         must = f"name a joint with clearance: {', '.join(loose) or 'there is none'}"
-        if joint is None:
-            joint = next((name for name in self.watched if not self.prefix(name)), None)
+        joint = self.template.first if joint is None else joint
         if joint is None:
             require(len(loose) == 1, "joint", must, "missing")
             (joint,) = loose

@@ -233,7 +233,7 @@ def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity:
         )
         for joint, one in scene.joints.items()
     }
-    main = next((joint for joint in scene.watched if not scene.prefix(joint)), "")
+    main = scene.template.first or ""
     if main not in parts:  # neither contact nor impacts; NaN if the run failed
         none = 0 * next(iter(values.values()), jnp.zeros(()))
         values = {**values, "none": none}

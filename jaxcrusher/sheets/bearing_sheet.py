@@ -58,8 +58,7 @@ def bearings_of(scene: Scene, joint: str | None = None) -> tuple[str, ...]:
     The first is the named one, which may be ideal, or that whose results have no prefix, or the
     only loose one. Raises ValueError where there is none of them.
     """
-    plain = (one for one in scene.watched if not scene.prefix(one))
-    first = joint or next(plain, None) or scene.joint_looked_at()
+    first = joint or scene.template.first or scene.joint_looked_at()
     require_choice("joint", first, scene.linkage.joints.names)
     return tuple(dict.fromkeys((first, scene.linkage.bearing, *scene.joints.names)))
 
