@@ -1,6 +1,7 @@
 """The answer of a search; a stage that did not come leaves None or nothing in its place.
 
-Numbers are in SI units, objectives in their own. `optimize.result_file` makes result.json of it.
+Numbers are in SI units, objectives in their own. `optimize.tell.result_file` makes result.json of
+it.
 """
 
 from collections.abc import Mapping
@@ -12,8 +13,8 @@ import numpy as np
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.sheets.load_sheet import Row
-from optimize.limits import Limit
-from optimize.throughput import throughput
+from optimize.ask.limits import Limit
+from optimize.ask.throughput import throughput
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,10 @@ from jaxcrusher.pictures.plots import STYLE, WIDTH
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.machine import tell_about
 from jaxcrusher.scenes.reader import kind_of
-from optimize.forces import name_of, prefixed, quantity
-from optimize.objectives import OBJECTIVES
-from optimize.table import Table
-from optimize.throughput import read_bulk_density, throughput
+from optimize.ask.objectives import OBJECTIVES
+from optimize.ask.throughput import read_bulk_density, throughput
+from optimize.tell.forces import name_of, prefixed, quantity
+from optimize.tell.table import Table
 
 # What is compared, in this order; wear needs friction.
 COMPARED = ("rms", "peak", "shaking_rms", "shaking_peak", "joint_peak", "wear", "energy")

@@ -5,7 +5,7 @@ from typing import Annotated
 import tyro
 
 from jaxcrusher.files.program import keeping, program
-from optimize.options import Options
+from optimize.ask.options import Options
 
 
 def search(options: Annotated[Options, tyro.conf.arg(name="search")]) -> None:
@@ -15,7 +15,7 @@ def search(options: Annotated[Options, tyro.conf.arg(name="search")]) -> None:
     """  # noqa: D205
     from rich.console import Console
 
-    from optimize.search import run
+    from optimize.design_search import run
 
     with keeping(options.folder):
         answer = run(options, Console())

@@ -63,7 +63,7 @@ def test_every_fault_is_another_program():
         ("jaxcrusher/joint/friction.py", "tests/joint/test_friction.py"),
         ("jaxcrusher/crusher/loads.py", "tests/crusher/test_loads.py"),
         ("jaxcrusher/commands/orbit.py", "tests/whole/test_commands.py"),
-        ("optimize/sets.py", "tests/optimize/test_sets.py"),
+        ("optimize/ask/sets.py", "tests/optimize/test_sets.py"),
     ],
 )
 def test_the_mirrored_tests_come_first(path, first):

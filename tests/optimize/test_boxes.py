@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from optimize import confirm, counts, figures, formatting, orbits, stages
-from optimize.options import Options
-from optimize.problem import resolve
-from optimize.search import run
+from optimize.ask import constraints as counts
+from optimize.ask.options import Options
+from optimize.ask.problem import resolve
+from optimize.design_search import run
+from optimize.search import confirm, orbits, stages
+from optimize.tell import figures
+from optimize.tell import words as formatting
 
 # No motion of this box must be waited for, and no orbit needs more nodes.
 NARROW = (("speed", "25", "40rad/s"), ("clearance", "0.04", "0.06mm"))

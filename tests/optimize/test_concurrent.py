@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from optimize.concurrent import Stopped, run_concurrently
+from optimize.search.concurrent import Stopped, run_concurrently
 
 
 def test_jobs_run_at_once_and_keep_their_order():
@@ -45,7 +45,7 @@ def test_an_interruption_waits_for_all(monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("optimize.concurrent.wait", interrupted)
+    monkeypatch.setattr("optimize.search.concurrent.wait", interrupted)
     with pytest.raises(KeyboardInterrupt):
         run_concurrently(stop, long, long)
     assert ended == ["long", "long"]

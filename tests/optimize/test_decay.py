@@ -12,9 +12,10 @@ from scipy.stats import linregress
 
 import jaxcrusher as jc
 from jaxcrusher.orbits.transient import section_points
-from optimize import decay, verdicts
 from optimize.answer import Decay, Orbit
-from optimize.decay import PARTS, PHASE, TURNS, measured, unmeasurable
+from optimize.search import decay
+from optimize.search.decay import PARTS, PHASE, TURNS, measured, unmeasurable
+from optimize.tell import checks as verdicts
 
 ANGLE = 1.04  # of the crusher's swing in a turn
 

@@ -8,8 +8,8 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import stroke
 from jaxcrusher.scenes.build import build_linkage
-from optimize.completions import CounterweightMoment, EqualStroke
-from optimize.design import Design
+from optimize.ask.completions import CounterweightMoment, EqualStroke
+from optimize.ask.design import Design
 
 LINKS = {
     "toggle.length": (0.285, 0.315),

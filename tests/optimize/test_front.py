@@ -6,15 +6,15 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from optimize import smooth
-from optimize.active import active_constraints
-from optimize.case import Case
-from optimize.front import front
-from optimize.local import descend
-from optimize.options import Options
-from optimize.pareto import nondominated
-from optimize.problem import resolve
-from optimize.verdicts import _slopes, _stationary
+from optimize.ask.case import Case
+from optimize.ask.options import Options
+from optimize.ask.problem import resolve
+from optimize.search import smooth
+from optimize.search.active import active_constraints
+from optimize.search.descents import descend
+from optimize.search.front import front
+from optimize.search.pareto import nondominated
+from optimize.tell.checks import _slopes, _stationary
 
 UPPER = np.ones(2)
 

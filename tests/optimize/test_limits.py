@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from optimize import orbits, smooth
-from optimize.active import active_constraints
-from optimize.limits import OF_ORBIT, OF_RUN, Limit, read_limits
-from optimize.local import descend
-from optimize.options import Options
-from optimize.problem import resolve
+from optimize.ask.limits import OF_ORBIT, OF_RUN, Limit, read_limits
+from optimize.ask.options import Options
+from optimize.ask.problem import resolve
+from optimize.search import orbits, smooth
+from optimize.search.active import active_constraints
+from optimize.search.descents import descend
 
 BLOCK = {"foundation.mass": 6000.0, "foundation.x": 0.3, "foundation.y": 0.2}
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from optimize import orbits, stages
-from optimize.options import Options
-from optimize.problem import resolve
-from optimize.search import run
+from optimize.ask.options import Options
+from optimize.ask.problem import resolve
+from optimize.design_search import run
+from optimize.search import orbits, stages
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PUMP = Options(
@@ -68,8 +68,8 @@ def test_what_is_free_is_named_by_the_file():
         ({"objective": "rms"}, "`objective` must be one of .*shaking_rms"),
         ({"objective": "nowhere:MINE"}, "`objective` must name a module, but nowhere:MINE: No mod"),
         (
-            {"objective": "optimize.objectives:plain"},
-            "`objective` must name an optimize.objectives",
+            {"objective": "optimize.ask.objectives:plain"},
+            "`objective` must name an optimize.ask.objectives",
         ),
         ({"capacity_floor": 3.0}, "`capacity_floor` must not be given with a linkage"),
         ({"slip": "surface"}, "`slip` must not be given with a linkage"),
@@ -84,7 +84,7 @@ def test_refusals_are_one_line(given, why):
 
 
 OWN = """
-from optimize.objectives import Objective
+from optimize.ask.objectives import Objective
 
 SQUARE = Objective(
     "N2",

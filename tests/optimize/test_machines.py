@@ -12,6 +12,7 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.orbits.result import RESULTS, missing
+from optimize.ask.objectives import OBJECTIVES
 from optimize.machines import (
     COMPARED,
     DRAWN,
@@ -22,7 +23,6 @@ from optimize.machines import (
     run,
     table_rows,
 )
-from optimize.objectives import OBJECTIVES
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,6 @@ from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.mechanism.starts import shifted_start
 from jaxcrusher.sheets.load_sheet import Row
-from optimize import figures, formatting, stages
 from optimize.answer import (
     Active,
     Answer,
@@ -37,15 +36,17 @@ from optimize.answer import (
     Runs,
     Sought,
 )
-from optimize.case import Case
-from optimize.design import Design
-from optimize.evaluate import STARTS, Tracking
-from optimize.motions import cell_motions
-from optimize.objectives import OBJECTIVES
-from optimize.page import data as page_data
-from optimize.page import tables
-from optimize.page.document import write_page
-from optimize.result_file import content
+from optimize.ask.case import Case
+from optimize.ask.design import Design
+from optimize.ask.objectives import OBJECTIVES
+from optimize.search import stages
+from optimize.search.evaluate import STARTS, Tracking
+from optimize.search.motions import cell_motions
+from optimize.tell import figures, tables
+from optimize.tell import words as formatting
+from optimize.tell.page import data as page_data
+from optimize.tell.page.document import write_page
+from optimize.tell.result_file import content
 from tests.optimize.by_hand import orbit_by_hand, printed, solution_by_hand
 
 SPEEDS, CLEARANCES = [25.0, 30.0, 35.0], [3e-5, 6e-5]

@@ -14,9 +14,9 @@ from matplotlib.text import Text
 
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.pictures.plots import SMALLEST, WIDTH
-from optimize import figures
 from optimize.answer import Box, Front
-from optimize.objectives import OBJECTIVES
+from optimize.ask.objectives import OBJECTIVES
+from optimize.tell import figures
 
 # RMS and peak of a map of 3 x 2 points, N; the first point beats all others in everything.
 RMS = np.array([[18e3, 18.5e3], [20e3, 20.5e3], [22e3, np.nan]])

@@ -25,30 +25,23 @@ from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.files.journal import Journal, text_of
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, Validity
-from optimize import (
-    bound,
-    confirm,
-    decay,
-    formatting,
-    landscape,
-    local,
-    search,
-    smooth,
-    stages,
-    verdicts,
-)
-from optimize import orbits as periodic
+from optimize import design_search as search
 from optimize.answer import Check, Coexisting, Confirmed
-from optimize.bound import Points, _at_most, _motion, optimality_bound, refined, unbounded
-from optimize.cells import ROUGHER, Cells, beside
-from optimize.counts import of_orbits
-from optimize.evaluate import Window, evaluate, judged
-from optimize.limits import Limit
-from optimize.objectives import OBJECTIVES, OF_SUPPORTS, plain
-from optimize.options import Options
-from optimize.pareto import nondominated
-from optimize.problem import resolve
-from optimize.search import run
+from optimize.ask.constraints import of_orbits
+from optimize.ask.limits import Limit
+from optimize.ask.objectives import OBJECTIVES, OF_SUPPORTS, plain
+from optimize.ask.options import Options
+from optimize.ask.problem import resolve
+from optimize.design_search import run
+from optimize.search import bound, confirm, decay, landscape, smooth, stages
+from optimize.search import descents as local
+from optimize.search import orbits as periodic
+from optimize.search.bound import Points, _at_most, _motion, optimality_bound, refined, unbounded
+from optimize.search.cells import ROUGHER, Cells, beside
+from optimize.search.evaluate import Window, evaluate, judged
+from optimize.search.pareto import nondominated
+from optimize.tell import checks as verdicts
+from optimize.tell import words as formatting
 from tests.optimize.by_hand import (
     no_orbit,
     orbit_by_hand,

@@ -9,10 +9,11 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.scenes.parameters import NUMBERS
-from optimize import confirm, local, orbits
-from optimize.design import Design
-from optimize.options import Options
-from optimize.problem import resolve
+from optimize.ask.design import Design
+from optimize.ask.options import Options
+from optimize.ask.problem import resolve
+from optimize.search import confirm, orbits
+from optimize.search import descents as local
 from tests.optimize.by_hand import rows_of_three_runs
 
 

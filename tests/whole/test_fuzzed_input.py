@@ -144,7 +144,7 @@ WORK = (
     ("jaxcrusher.orbits.periodic_orbit", "kinematic"),
     ("jaxcrusher.commands.bearing", "run_turns"),
     ("jaxcrusher.commands.identify", "identify"),
-    ("optimize.landscape", "points"),
+    ("optimize.search.landscape", "points"),
 )
 FUZZED = os.environ.get("FUZZED")
 CHEAP = settings(

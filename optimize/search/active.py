@@ -1,0 +1,73 @@
+"""The active constraints at an optimum, by the conditions of Karush, Kuhn and Tucker."""
+
+import numpy as np
+import scipy.optimize
+from jaxtyping import Float
+
+from optimize.answer import Active, Confirmed
+from optimize.ask.case import Case
+from optimize.ask.limits import OF_ORBIT
+from optimize.search import smooth
+from optimize.search.orbits import widths
+
+# A coordinate of the unit box this near its end is at it: rounding.
+AT_LIMIT = 1e-12
+# A capacity this near its floor, as a share of it, stands at it: what a descent leaves.
+AT_FLOOR = 1e-8
+
+
+def active_constraints(case: Case, best: Confirmed) -> tuple[tuple[Active, ...], dict[str, float]]:
+    """Return the active constraints with their multipliers, and the slopes that remain.
+
+    A multiplier is by how much the objective would fall per unit. The slopes, per unit of each
+    free parameter, are those left after the constraints on the capacity and on statistics have
+    taken their parts. At a minimum they vanish.
+    """
+    if best.orbit is None:
+        return (), {}
+    at, names = case.design.unit(best.values), case.design.names
+    width = widths(case)
+    slopes = np.array([best.orbit.slopes[name] for name in names]) * width
+    lowest, highest = at <= AT_LIMIT, at >= case.upper - AT_LIMIT
+    free, found = ~(lowest | highest), []
+    standing = _standing(case, best, at)
+    if standing:
+        # The multipliers that leave the free slopes nearest to zero, none of them negative.
+        normals = np.stack([normal for _, _, normal, _ in standing], axis=1)
+        sizes = np.linalg.norm(normals[free], axis=0)
+        sizes = np.where(sizes > 0, sizes, np.inf)
+        multipliers = np.zeros(len(standing))
+        if free.any():  # of no rows SciPy returns whatever its memory holds
+            multipliers = scipy.optimize.nnls(normals[free] / sizes, slopes[free])[0] / sizes
+        slopes = slopes - normals @ multipliers
+        found += [
+            Active(name, end, float(multiplier), unit)
+            for (name, end, _, unit), multiplier in zip(standing, multipliers, strict=True)
+        ]
+    slopes = slopes / width
+    for i, (name, top) in enumerate(zip(names, case.upper, strict=True)):
+        if lowest[i] and slopes[i] > 0:
+            found.append(Active(name, "lowest", float(slopes[i])))
+        elif highest[i] and slopes[i] < 0:
+            found.append(Active(name, "highest" if top == 1 else "capacity", -float(slopes[i])))
+    limits = {one.parameter for one in found}
+    left = {n: float(s) for n, s in zip(names, slopes, strict=True) if n not in limits}
+    return tuple(found), left
+
+
+def _standing(
+    case: Case, best: Confirmed, at: Float[np.ndarray, " n"]
+) -> list[tuple[str, str, Float[np.ndarray, " n"], str]]:
+    """Return what stands at its floor or limit, at which end, its slope inwards, and its unit.
+
+    Slopes are by the axes of the unit box.
+    """
+    found = []
+    highest, crushing = case.capacity_floor * (1 + AT_FLOOR), best.crushing
+    if case.links_free and crushing is not None and crushing.capacity <= highest:
+        found.append(("capacity", "lowest", case.capacity_slope(at), "m3/h"))
+    for limit in case.limits:
+        value, slope = smooth.limited(case, limit)(at)
+        if value >= limit.most * (1 - OF_ORBIT):
+            found.append((limit.statistic, "highest", -slope, limit.unit))
+    return found

@@ -1,0 +1,302 @@
+"""A bound of how far below the optimum the least objective of its box may lie.
+
+Points of the map are the corners of cells. A cell that may hold less than the optimum, by more than
+is asked, is halved, and its new corners are solved for. Points without a stable orbit are run, and
+waited for only if their runs do not keep them above the optimum.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import ROUND_CEILING, Context
+
+import numpy as np
+import scipy.spatial
+from jaxtyping import Float, Int
+
+from jaxcrusher.dynamics.many_orbits import alone
+from optimize.answer import Bound, Confirmed, OpenPoint
+from optimize.ask.case import Case
+from optimize.search.cells import ROUGHER, Cells, beside
+from optimize.search.confirm import Repeats, interval, long_runs
+from optimize.search.evaluate import NOWHERE, Rows, Tracking
+from optimize.search.landscape import GRID_DIMENSIONS, Maps, counting
+from optimize.search.orbits import solve, widths
+from optimize.tell.forces import quantity
+
+# Orbits that are solved for besides the map's at most, and how many a halved cell takes, about.
+MOST, OF_A_CELL = 1500, 3
+# More points without a stable orbit than these are of a box whose motions are of another kind: none
+# of them is run.
+MOST_OPEN = 64
+# What second derivatives hide of a cell is nothing below this share of what is asked for: rounding.
+NOTHING = 1e-3
+# Places of the unit box so near are one point.
+SAME = 1e-9
+
+
+class Points:
+    """Points of the unit box, and what is known of the motions there.
+
+    `runs` are those that points without a stable orbit get first, and those that they get where
+    the first may leave them below the optimum.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        units: Float[np.ndarray, "points n"],
+        rows: Rows,
+        runs: tuple[Repeats, Repeats],
+        tracking: Tracking = NOWHERE,
+    ) -> None:
+        self.case, self._runs, self._tracking = case, runs, Tracking(journal=tracking.journal)
+        self._told = tracking.progress
+        self.begun, self.units = len(units), np.zeros((0, units.shape[1]))
+        self.values, self.least, self.slopes = np.zeros(0), np.zeros(0), np.zeros(units.shape)[:0]
+        self.open: dict[int, OpenPoint] = {}  # points that runs speak for, by their number
+        self.waited: set[int] = set()
+        self.add(units, rows)
+
+    def __len__(self) -> int:
+        """Count them."""
+        return len(self.units)
+
+    def add(self, units: Float[np.ndarray, "points n"], rows: Rows) -> None:
+        """Join points with what `optimize.search.orbits.solve` told of them."""
+        which = np.arange(len(self), len(self) + len(units))
+        self.units = np.concatenate([self.units, units])
+        nothing = np.full(len(units), np.nan)
+        self.values, self.least = (np.append(old, nothing) for old in (self.values, self.least))
+        self.slopes = np.concatenate([self.slopes, np.full(units.shape, np.nan)])
+        self._put(which, rows, self._runs[0])
+
+    def _put(self, which: Int[np.ndarray, " some"], rows: Rows, repeats: Repeats) -> None:
+        """Take values and slopes from rows, and run the points that have no stable orbit.
+
+        Nothing is known of a point that breaks a constraint, and no run is needed (infinite) where
+        an orbit counts.
+        """
+        stable, counts = (np.asarray(rows[name], bool) for name in ("stable", "counts"))
+        open_ = ~stable & self.case.reaches(self.case.capacity(self.units[which]))
+        known = np.asarray(rows["success"], bool) & (counts | open_)
+        self.values[which] = np.where(known, rows["objective"], np.nan)
+        self.slopes[which] = np.where(known[:, None], rows["slope"] * widths(self.case), np.nan)
+        self.least[which] = np.where(counts, np.inf, np.nan)
+        for place in which[counts].tolist():
+            self.open.pop(place, None)
+        left = which[open_]
+        if not len(left) or len({*self.open, *left.tolist()}) > MOST_OPEN:
+            return
+        runs = long_runs(self.case, self.units[left], repeats, self._tracking)
+        for place, row, i in zip(left.tolist(), runs, np.flatnonzero(open_), strict=True):
+            said = {name: column[i] for name, column in rows.items()}
+            least = _least(row["objective"], self.case.objective.lowest)
+            values = self.case.design.numbers(self.units[place])
+            self.open[place] = OpenPoint(values, _motion(said), least, place)
+            self.least[place] = least
+
+    def at(self, cells: Cells) -> Int[np.ndarray, "cells corners"]:
+        """Return the numbers of the points at corners, which are solved for where they are new."""
+        corners = cells.corners
+        places = corners.reshape(-1, corners.shape[2])
+        apart, at = scipy.spatial.KDTree(self.units).query(places)
+        if (apart > SAME).any():
+            new = np.unique(np.round(places[apart > SAME], 12), axis=0)
+            self.add(new, solve(self.case, new, quick=True, tracking=self._tracking))
+            self._told(len(self) - self.begun, MOST)
+            at = scipy.spatial.KDTree(self.units).query(places)[1]
+        return np.reshape(at, corners.shape[:2])
+
+    def wait(self, which: Int[np.ndarray, " some"]) -> None:
+        """Wait for the orbits of points for as long as it takes, and run what has none for long."""
+        self.waited |= {*which.tolist()}
+        rows = solve(self.case, self.units[which], alone, tracking=self._tracking)
+        self._put(which, rows, self._runs[1])
+
+    def lowest(
+        self, cells: Cells, at: Int[np.ndarray, "cells corners"]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the least objective of orbits and of all motions near each corner of cells.
+
+        With them comes what of it is curvature, by cell. A motion without an orbit may lie lower,
+        half a cell away, by `ROUGHER` times what orbits beside it may fall.
+        """
+        orbits, hidden = cells.lowest(at, self.values, self.slopes)
+        falls = np.fmax.reduce(self.values[at] - orbits, axis=1)
+        runs = self.least[at] - ROUGHER * beside(falls, at, len(self))[:, None]
+        motions = np.where(np.isnan(orbits), runs, np.minimum(orbits, runs))
+        return orbits, np.where(self.least[at] == np.inf, orbits, motions), hidden
+
+
+def _least(objective: Float[np.ndarray, "starts runs"], lowest: float) -> float:
+    """Return the lower end of the intervals of all starts, NaN where a run has no number.
+
+    The interval of two runs is so wide that it may reach below the `lowest` that there can be.
+    """
+    ends = [mean - width for mean, width in map(interval, objective)]
+    return float(np.maximum(np.min(ends), lowest))
+
+
+def _motion(said: Mapping[str, object]) -> str:
+    """Say why a point has no stable orbit and, where it was waited for, what the motion is."""
+    verdict = "is not known to be stable" if said["undecided"] else "is unstable"
+    why = said["failure"] or (
+        f"The orbit of one turn {verdict}: its largest multiplier is "
+        f"{said['largest_multiplier']:.6g}, with an error of {said['multipliers_error']:.1g}."
+    )
+    if not said.get("motion"):
+        return str(why)
+    rms = f"{said['run_rms']:.7g} ± {said['run_rms_error']:.1g} N"
+    return f"{why} The motion from rest: {said['motion']}, with an RMS of {rms}."
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """Cells of the box after their refinement."""
+
+    points: Points
+    cells: Cells
+    at: Int[np.ndarray, "cells corners"]  # numbers of the points at corners
+    # Second derivatives about the optimum, as a multiple of those measured in the cells before;
+    # infinite if too many orbits were needed.
+    rougher: float
+
+
+def refined(points: Points, cells: Cells, best: Confirmed, within: float) -> Refined:
+    """Halve cells that may hold an objective more than `within` below the best.
+
+    Those about it are then halved until second derivatives are no larger than they were assumed.
+    """
+    place, floor = points.case.design.unit(best.values), best.objective - within
+    assumed = np.zeros(0)
+    while True:
+        at = points.at(cells)
+        _, motions, hidden = points.lowest(cells, at)
+        lowest, rougher = motions.min(axis=1), np.inf
+        if len(assumed):
+            own = cells.hidden(cells.bends(points.slopes[at]))[-len(assumed) :]
+            share = own / np.maximum(assumed, NOTHING * within)
+            rougher = ROUGHER * float(np.fmax.reduce(share, initial=0.0))
+        chosen = lowest < floor
+        asked = {*at[chosen].ravel().tolist()} & {*points.open} - points.waited
+        if asked:
+            points.wait(np.array(sorted(asked)))
+            continue
+        # Where a number itself is below, smaller cells do not help.
+        chosen &= (np.fmin(points.values, points.least)[at] >= floor).all(axis=1)
+        confirms = not chosen.any()
+        if confirms:
+            chosen = (lowest < best.objective) | cells.hold(place)
+        room = (MOST - len(points) + points.begun) // OF_A_CELL
+        if room < 1 or (confirms and rougher <= ROUGHER):
+            return Refined(points, cells, at, rougher)
+        order = np.argsort(np.where(chosen, lowest, np.inf), kind="stable")
+        chosen[order[room:]] = False
+        # Of cells half as large, in the same second derivatives.
+        assumed = np.repeat(hidden[chosen] / 4, cells.corners.shape[1] if confirms else 0)
+        cells = cells.halved(chosen)
+
+
+def optimality_bound(found: Refined, best: Confirmed) -> Bound:
+    """Bound the objective between points by the values and slopes there.
+
+    The best may be judged by another motion than when cells were refined: the bound is of what it
+    is judged by now.
+    """
+    points, at, rougher = found.points, found.at, found.rougher
+    orbits, motions, hidden = points.lowest(found.cells, at)
+    unit, count = points.case.objective.unit, len(points)
+    gain = float(np.nanmin(points.values[points.least == np.inf])) - best.objective
+    unsaid = len(np.unique(at[np.isnan(motions)]))
+    if np.isnan(motions).all():
+        statement = (
+            "The best of what was tried: no two points of the map beside each other have a stable "
+            "orbit that counts, and nothing is said of what lies between."
+        )
+        return Bound(None, None, unsaid, gain, statement)
+    of_orbits = max(0.0, best.objective - float(np.nanmin(orbits)))
+    # Of a cell whose corners lie above the optimum they hide more than it may hold below it.
+    hides = float(hidden[np.nanargmin(np.fmin.reduce(orbits, axis=1))])
+    curvature = min(of_orbits, hides)
+    case = points.case
+    keeps = " that keeps the constraints" * bool(case.limits or case.inside_model)
+    statement = (
+        f"No other periodic orbit of the box{keeps} is more than {_at_most(of_orbits, unit)} "
+        f"below the optimum, of which {_at_most(curvature, unit)} are what second derivatives can "
+        f"hide: these are assumed to be at most {ROUGHER:g} times those between neighbouring "
+        "points."
+    )
+    if np.isfinite(rougher):
+        statement += f" In cells half as large about the optimum they are {rougher:.2g} times."
+    by_runs = tuple(points.open[n] for n in sorted(points.open) if np.isfinite(points.least[n]))
+    within = max(0.0, best.objective - float(np.nanmin(motions)))
+    if by_runs:
+        least = min(point.least for point in by_runs)
+        statement += (
+            f" At {len(by_runs)} of {count} points no stable orbit of one turn is known: "
+            f"runs there come to {least:.6g} {unit} or more, {_against(best, least, unit)}. "
+            f"Half a cell away they are assumed to be lower by at most {ROUGHER:g} times what the "
+            "objective may fall about the points beside."
+        )
+    if unsaid:
+        statement += (
+            f" Nothing is said of {unsaid} of {count} points. At such a point, or at "
+            "all points beside it, no stable orbit in contact was found, or a constraint is broken."
+        )
+    else:
+        statement += f" So the optimum is global within the box to {_at_most(within, unit)}."
+    return Bound(within, curvature, unsaid, gain, statement, by_runs)
+
+
+def unbounded(case: Case, maps: Maps, best: Confirmed) -> Bound | None:
+    """Return what stands for a bound where none can be computed, or None."""
+    mapped = maps.orbits
+    if mapped is None or not mapped.counts.any():
+        unsaid = 0 if mapped is None else int((~mapped.counts).sum())
+        why = "no periodic orbits could be mapped"
+        if not maps.contact:
+            why = "no design that was looked at keeps contact, and so none has an orbit to map"
+        statement = f"The best of what was tried: {why}."
+        return Bound(None, None, unsaid, 0.0, statement)
+    if not best.settles:
+        statement = (
+            "The best of what was tried: it does not come to its periodic orbit from every start, "
+            "and nothing is said of what lies between."
+        )
+        # Beside the points that descents may begin at.
+        begun = counting(maps.landscape, maps.cells, maps.points)
+        values = mapped.objective.where(mapped.counts).to_numpy().ravel()[begun]
+        least = np.fmin.reduce(values, initial=np.inf)
+        gain = float(least) - best.objective if np.isfinite(least) else 0.0
+        return Bound(None, None, int((~mapped.counts).sum()), gain, statement)
+    if len(case.design.names) <= GRID_DIMENSIONS:
+        return None
+    statement = (
+        f"The best of {mapped.counts.size} points of a Sobol sequence and of the descents from "
+        f"them, known to {best.half_width:.2g} {case.objective.unit}; nothing is said of what lies "
+        "between."
+    )
+    gain = float(mapped.objective.where(mapped.counts).min()) - best.objective
+    return Bound(None, None, int((~mapped.counts).sum()), gain, statement)
+
+
+def _at_most(value: float, unit: str) -> str:
+    """Return a bound rounded up to two digits, and its unit."""
+    up = Context(prec=2, rounding=ROUND_CEILING)
+    return quantity(float(up.create_decimal(repr(float(value)))), unit)
+
+
+def _about(value: float, unit: str) -> str:
+    """Return two digits of a number, and its unit."""
+    return quantity(float(f"{value:.2g}"), unit)
+
+
+def _against(best: Confirmed, least: float, unit: str) -> str:
+    """Return where the least of runs lies, and what that says of the optimum."""
+    above = least - best.objective
+    if above >= 0:
+        return f"{_about(above, unit)} above the optimum"
+    return (
+        f"{_about(-above, unit)} below the optimum: they scatter too much to tell whether a better "
+        "motion is there, and more --runs tell more"
+    )

@@ -1,0 +1,134 @@
+"""Confirmation: long independent runs of the candidates, with confidence intervals."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Scalar
+from scipy.special import stdtrit
+
+import jaxcrusher as jc
+from jaxcrusher.crusher.capacity import stroke, stroke_ratio
+from jaxcrusher.mechanism.linkage import Linkage
+from jaxcrusher.mechanism.reductions import ALL_THE_TIME
+from jaxcrusher.mechanism.scene import Scene
+from jaxcrusher.motion.statistics import limits_of
+from optimize.answer import Confirmed, Crushing, Orbit, Runs
+from optimize.ask.case import Case
+from optimize.ask.constraints import end_well, keeps
+from optimize.ask.limits import OF_ORBIT
+from optimize.search import orbits
+from optimize.search.evaluate import NOWHERE, STARTS, Rows, Tracking, Window, evaluate
+
+CONFIDENCE = 0.95
+# Starts of independent runs are shifted at random by up to this many clearances: a swing or a
+# chaotic motion forgets it, a periodic one comes back to itself.
+SHIFT = 0.05
+
+
+def interval(values: Float[np.ndarray, " runs"]) -> tuple[float, float]:
+    """Return the mean of independent runs and half of its 95 % confidence interval."""
+    quantile = float(stdtrit(len(values) - 1, (1 + CONFIDENCE) / 2))
+    return float(values.mean()), quantile * float(values.std(ddof=1)) / len(values) ** 0.5
+
+
+@dataclass(frozen=True)
+class Repeats:
+    """Independent runs from each start: how many, their turns, and the seed of their shifts."""
+
+    runs: int
+    window: Window
+    seed: int
+
+
+def long_runs(
+    case: Case, units: np.ndarray, repeats: Repeats, tracking: Tracking = NOWHERE
+) -> list[Rows]:
+    """Run points (m, n) of the unit box for long, several times from each start.
+
+    The first run starts as the scene says, the others are shifted at random. Returns rows of
+    shape (starts, runs, ...) for each point.
+    """
+    rng, runs = np.random.default_rng(repeats.seed), repeats.runs
+    shifts = rng.uniform(-SHIFT, SHIFT, (len(units), runs, 2))
+    shifts[:, 0] = 0
+    points = np.repeat(units, runs, axis=0)
+    moves = shifts.reshape(-1, 2)
+    whole = evaluate(case, points, repeats.window, tracking, shifts=moves, chunk=64)
+    grouped = {
+        name: values.reshape(len(STARTS), len(units), runs, *values.shape[2:])
+        for name, values in whole.items()
+    }
+    return [{name: values[:, i] for name, values in grouped.items()} for i in range(len(units))]
+
+
+def confirmed(
+    case: Case, unit: Float[np.ndarray, " n"], rows: Rows, orbit: Orbit | None
+) -> Confirmed:
+    """Return a point of the unit box with its long runs and its orbit, and its objective."""
+    values = case.design.numbers(unit)
+    given = case.design.described(values)
+    described = case.design.whole(given)
+    scene = case.design.build(given)
+    intervals = [interval(numbers) for numbers in rows["objective"]]
+    runs, judged = {}, []
+    for i, (start, numbers) in enumerate(zip(STARTS, intervals, strict=True)):
+        by_run = {name: column[i] for name, column in rows.items()}
+        state = by_run.pop("state")[0]
+        first = {name: jnp.asarray(column[0]) for name, column in by_run.items()}
+        validity = limits_of(scene, first)
+        settles = orbit is not None and orbit.stable and _in_contact(by_run)
+        runs[start] = Runs(*numbers, validity, state, by_run, settles)
+        if orbit is not None and settles:
+            error = orbits.error(case, orbit.solution, orbit.objective)
+            judged.append((orbit.objective, error))
+        else:
+            judged.append(numbers)
+    worse = int(np.argmax([mean for mean, _ in judged]))
+    objective, half_width = judged[worse]
+    worst = runs[STARTS[worse]]
+    forces = {name: float(worst.by_run[name].mean()) for name in case.forces}
+    # On its way to an orbit that keeps the constraints a run may break them.
+    kept = orbit is not None and bool(keeps(case, orbit.solution, OF_ORBIT))
+    counts = bool(case.reaches(case.capacity(unit)))
+    for start, of_start, well in zip(STARTS, rows["counts"], end_well(rows), strict=True):
+        counts &= bool((well & kept if runs[start].settles else of_start).all())
+    if orbit is not None and worst.settles:
+        forces = {name: float(orbit.solution[name]) for name in case.forces}
+    return Confirmed(
+        values,
+        objective if counts else float("nan"),
+        half_width,
+        STARTS[worse],
+        float(described["speed"]),
+        forces,
+        float(jc.periodic_orbit(scene.ideal())[scene.leading]),
+        _crushing(case, scene, unit),
+        orbit,
+        runs,
+        follows={name: float(described[name]) for name in case.design.following},
+    )
+
+
+def _crushing(case: Case, scene: Scene, unit: np.ndarray) -> Crushing | None:
+    if case.chamber is None:
+        return None
+    sizes = scene.joints.values[0].clearance, case.capacity(unit)
+    return Crushing(*(float(one) for one in (*sizes, *_strokes(scene.linkage))))
+
+
+@jax.jit  # one program in place of a hundred
+def _strokes(linkage: Linkage) -> tuple[Scalar, Scalar]:
+    return stroke(linkage), stroke_ratio(linkage)
+
+
+def _in_contact(by_run: Rows) -> bool:
+    """Tell whether no run left contact, so that all of them decay to the orbit."""
+    return bool(least_contact(by_run) >= ALL_THE_TIME and by_run["success"].all())
+
+
+def least_contact(by_run: Rows) -> float:
+    """Return the least share of time that a pin of any run was in contact."""
+    shares = [column for name, column in by_run.items() if name.endswith("contact_fraction")]
+    return float(np.min(shares))

@@ -1,0 +1,142 @@
+"""The global stage: every cell of a grid, or a Sobol sequence where a grid has too many."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.spatial
+import xarray as xr
+from jaxtyping import Float
+
+from jaxcrusher.files import table
+from jaxcrusher.files.table import Column
+from jaxcrusher.scenes.parameters import NUMBERS
+from optimize.ask.case import Case
+from optimize.ask.constraints import end_well, may_be_stable
+from optimize.ask.design import Design
+from optimize.search.evaluate import STARTS, Rows, judged
+
+# More parameters than these get a Sobol sequence instead of a grid.
+GRID_DIMENSIONS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Maps:
+    """What is known of the whole box: the landscape of both starts, and the periodic orbits."""
+
+    cells: np.ndarray  # of the landscape, points (cells, n) of the unit box
+    landscape: xr.Dataset
+    motions: xr.Dataset  # of the landscape's cells
+    points: np.ndarray  # of the map of orbits, (points, n)
+    orbits: xr.Dataset | None  # None: there are none to solve for
+    contact: bool = True  # whether any design keeps contact from a start
+
+    @property
+    def stable_orbits(self) -> int | None:
+        """How many points have an orbit that may be stable, None where none is solved for."""
+        return None if self.orbits is None else int(may_be_stable(self.orbits).sum())
+
+    @property
+    def counting_orbits(self) -> xr.Dataset | None:
+        """The map of orbits, if one of them counts."""
+        return None if self.orbits is None or not self.orbits.counts.any() else self.orbits
+
+
+def points(design: Design, grid: tuple[int, int], samples: int, seed: int) -> np.ndarray:
+    """Points of the unit box, shape (points, n): a grid of one or two parameters, or Sobol's."""
+    count = len(design.names)
+    if count > GRID_DIMENSIONS:
+        from scipy.stats import qmc  # takes a second to import
+
+        return qmc.Sobol(count, rng=seed).random(samples)
+    axes = [np.linspace(0, 1, cells) for cells in grid[:count]]
+    return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=-1)
+
+
+def spread(units: Float[np.ndarray, "points n"], count: int) -> Float[np.ndarray, "some n"]:
+    """Return some of many points, evenly among them: `count`, or all if there are fewer."""
+    places = np.linspace(0, len(units) - 1, min(count, len(units))).round().astype(int)
+    return units[places]
+
+
+def dataset(
+    case: Case, units: Float[np.ndarray, "points n"], grid: tuple[int, int], rows: Rows
+) -> xr.Dataset:
+    """Return rows of shape (starts, points, ...) as a labelled landscape.
+
+    Dims are `start` and the parameters of a grid, or `sample`. Columns as in `jaxcrusher.sweep`,
+    with `objective`, `counts`, `steps` and the `state` at the end.
+    """
+    return labelled(case.design, units, grid, rows, case.columns, {"start": list(STARTS)})
+
+
+def labelled(
+    design: Design,
+    units: Float[np.ndarray, "points n"],
+    grid: tuple[int, int],
+    rows: Rows,
+    columns: Mapping[str, Column],
+    first: Mapping[str, Sequence[str]] | None = None,
+) -> xr.Dataset:
+    """Return the table of unit points, whose dims become the grid's, or `sample`.
+
+    `first` is a dim before the points', with its labels.
+    """
+    values = design.values(units)
+    known = {**NUMBERS, **design.machine.numbers}
+    labels = {
+        name: {"units": known[name].unit, "long_name": known[name].meaning} for name in design.names
+    }
+    coordinates: dict = dict(first or {})
+    if len(design.names) > GRID_DIMENSIONS:
+        dims: tuple[str, ...] = ("sample",)
+        sizes = [len(units)]
+        coordinates |= {name: ("sample", v, labels[name]) for name, v in values.items()}
+    else:
+        dims = design.names
+        sizes = list(grid[: len(dims)])
+        for i, name in enumerate(dims):
+            axis = np.moveaxis(values[name].reshape(sizes), i, 0)
+            coordinates[name] = (name, axis.reshape(sizes[i], -1)[:, 0], labels[name])
+    before = len(first or {})
+    shaped = {
+        name: column.reshape(*column.shape[:before], *sizes, *column.shape[before + 1 :])
+        for name, column in rows.items()
+    }
+    return table.dataset((*(first or {}), *dims), shaped, columns, coordinates)
+
+
+def rows_of(dataset: xr.Dataset, points: int) -> Rows:
+    """Return the columns of a dataset of so many points, one after the other."""
+    columns = {name: values.to_numpy() for name, values in dataset.items()}
+    shape = dataset.counts.shape
+    return {
+        str(name): column.reshape(points, *column.shape[len(shape) :])
+        for name, column in columns.items()
+    }
+
+
+def worst(landscape: xr.Dataset) -> xr.DataArray:
+    """The objective of the worse start; NaN where a start does not count."""
+    values = landscape.objective.isel(start=0, drop=True).copy(data=judged(landscape))
+    values.attrs["long_name"] = f"{values.attrs['long_name']}, worse start"
+    return values
+
+
+def counting(
+    landscape: xr.Dataset,
+    units: Float[np.ndarray, "cells n"],
+    points: Float[np.ndarray, "points n"],
+) -> np.ndarray:
+    """Whether both starts end well in the cell of the landscape nearest to each of `points`.
+
+    Constraints are asked of their orbits, not of what starts do on the way there.
+    """
+    well = end_well(landscape).all(axis=0).ravel()
+    return well[scipy.spatial.KDTree(units).query(points)[1]]
+
+
+def best_points(values: np.ndarray, units: np.ndarray, count: int) -> np.ndarray:
+    """Return the `units` (points, n) of the least `values` (points,), best first; NaN never."""
+    order = np.argsort(values, kind="stable")  # NaN comes last
+    return units[order[np.isfinite(values[order])][:count]]

@@ -1,0 +1,182 @@
+"""The periodic orbits of designs: the objective on them, its exact slopes, and multipliers."""
+
+import functools
+from collections.abc import Callable
+
+import equinox as eqx
+import numpy as np
+import xarray as xr
+from jaxtyping import Array, Float, PyTree, Scalar
+
+import jaxcrusher as jc
+from jaxcrusher.dynamics.many_orbits import MOTION, Problem, alone, beside, solve_orbits
+from jaxcrusher.files.table import COLUMNS, Column, columns_of
+from jaxcrusher.mechanism.scene import Scene
+from jaxcrusher.orbits.forced import refusal, unknowns
+from jaxcrusher.orbits.result import PeriodicOrbit
+from jaxcrusher.orbits.solving import NODES
+from optimize.answer import Coexisting, Orbit
+from optimize.ask import constraints as counts
+from optimize.ask.case import Case
+from optimize.search.evaluate import NOWHERE, Rows, Tracking, started
+from optimize.search.landscape import GRID_DIMENSIONS, labelled, spread
+
+# What a map and result.json keep of an orbit besides its statistics.
+KEPT = ("error", "largest_multiplier", "settling_turns", "least_penetration")
+VERDICTS = ("success", "stable", "undecided", "inside_model")
+# Designs solved between two reports of progress. Descents run the same program.
+CHUNK = 32
+# Slopes are compared with differences over twice this share of the box: shorter ones lose more to
+# rounding (1e-10 of the value) than they gain in truncation.
+BESIDE = 1e-3
+# Random starts of a design that is looked at for other motions, and the turns of each.
+ENSEMBLE, ENSEMBLE_TURNS = 16, 480
+# Objectives that differ by less, as a share, are of one motion, solved for twice.
+SAME = 1e-6
+
+
+def unsolvable(case: Case) -> str:
+    """Why the case's scenes have no orbit to solve for, or nothing."""
+    return refusal(case.scene)
+
+
+def solve(
+    case: Case,
+    units: Float[np.ndarray, "points n"],
+    neighbours: Callable[[int], list[int]] | None = None,
+    *,
+    sections: Float[np.ndarray, "points states"] | None = None,
+    quick: bool = False,
+    tracking: Tracking = NOWHERE,
+) -> Rows:
+    """Solve for the orbits of unit points, as `jaxcrusher.dynamics.many_orbits.solve_orbits` does.
+
+    Without `neighbours` of a point each is only tried from the pin at rest in its bore, and by
+    shooting where `sections` has a guess. Rows of shape (points,) hold `objective` and `counts`
+    (see `counts.of_orbits`) besides; `slope` is that of the objective per unit of each free
+    parameter, (points, n).
+    """
+    rows = solve_orbits(
+        _problem(case),
+        (units, {}),
+        (NODES, 2 * NODES),
+        neighbours,
+        sections=sections,
+        quick=quick,
+        chunk=CHUNK,
+        journal=tracking.journal,
+        progress=tracking.progress,
+    )
+    rows["objective"] = rows.pop("number")
+    rows["slope"] = rows["slope"] / widths(case)
+    rows["counts"] = counts.of_orbits(case, rows, case.capacity(units))
+    return rows
+
+
+# A scene takes as long to build as an orbit takes to solve for, and descents ask one by one.
+@functools.lru_cache(maxsize=8)
+def _problem(case: Case) -> Problem:
+    parts = eqx.Partial(_scene, case=case), eqx.Partial(_objective, case=case)
+    return Problem(*parts, 1, unknowns(case.scene))
+
+
+def _scene(unit: Array, _: PyTree, case: Case) -> Scene:
+    return case.design.scene(unit)
+
+
+def _objective(orbit: PeriodicOrbit, scene: Scene, unit: Array, _: PyTree, case: Case) -> Scalar:
+    return case.objective.formula(orbit, scene, case.chamber_of(case.design.description(unit)))
+
+
+def solve_map(
+    case: Case,
+    units: Float[np.ndarray, "points n"],
+    cells: tuple[int, int],
+    keeps_contact: Callable[[], bool] = lambda: True,
+    tracking: Tracking = NOWHERE,
+) -> xr.Dataset | None:
+    """Return the map of the periodic orbits of a grid's points, or of a sequence's.
+
+    Each is tried from the pin at rest; all further ways are where that leads to none that counts.
+    Nodes resolve no impacts. Where some points have no orbit from rest, and no design of the box
+    keeps contact, there is no map. What several loose joints' nodes cost is not spent to see that.
+    """
+    if unknowns(case.scene) > 2 and not keeps_contact():
+        return None
+    some = solve(case, spread(units, CHUNK), quick=True)
+    if not some["success"].any() and not keeps_contact():
+        return None
+    rows, motions = solve(case, units, quick=True, tracking=tracking), ()
+    if not rows["counts"].any():
+        count = len(case.design.names)
+        # The points of a sequence lie too far apart to help each other.
+        near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
+        rows, motions = solve(case, units, near, tracking=tracking), MOTION
+    of = case.objective
+    columns = columns_of(case.scene.statistics, case.told)
+    columns |= {name: COLUMNS[name] for name in (*KEPT, *VERDICTS, "failure", "found", *motions)}
+    columns["objective"] = Column(of.unit, of.meaning)
+    meaning = f"slope of the {of.meaning}, per unit of the parameter"
+    columns["slope"] = Column(of.unit, meaning, dims=("parameter",))
+    meaning = "may be chosen: a motion inside the constraints that is not known to be unstable"
+    columns["counts"] = Column("1", meaning, bool)
+    return labelled(case.design, units, cells, rows, columns)
+
+
+def widths(case: Case) -> Float[np.ndarray, " n"]:
+    """Return the width of the box in each parameter's unit."""
+    return np.array([high - low for low, high in case.design.bounds.values()])
+
+
+def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
+    """Return the orbit of one point, with as many nodes as it takes, closed by integration.
+
+    Its slopes stand beside central differences of orbits, and are NaN where these are of another
+    motion than the one that the crusher comes to from rest. None where there is no orbit to solve
+    for.
+    """
+    if unsolvable(case):
+        return None
+    described = case.design.described(case.design.numbers(unit))
+    scene = case.design.build(described)
+    solution = jc.periodic_orbit(scene, effort="thorough")
+    offsets = BESIDE * np.eye(len(unit))
+    units = np.concatenate([unit[None], unit + offsets, unit - offsets])
+    rows = solve(case, units, sections=np.tile(solution.section, (len(units), 1)))
+    above, below = np.split(rows["objective"][1:], 2)
+    slopes, names = rows["slope"][0], case.design.names
+    apart = np.abs((above - below) / (2 * BESIDE * widths(case)) - slopes)
+    value = float(case.objective.formula(solution, scene, case.chamber_of(described)))
+    if not abs(rows["objective"][0] - value) <= SAME * abs(value):
+        slopes, apart = np.full((2, len(unit)), np.nan)
+    return Orbit(
+        solution,
+        value if bool(solution.success) else float("nan"),
+        dict(zip(names, slopes.tolist(), strict=True)),
+        dict(zip(names, apart.tolist(), strict=True)),
+    )
+
+
+def coexisting(case: Case, values: dict[str, float]) -> tuple[Coexisting, ...]:
+    """Return the stable orbits that random starts about the centred one come to."""
+    described = case.design.described(values)
+    scene, chamber = case.design.build(described), case.chamber_of(described)
+    centred = started(case.design, values, "centred")
+    found = jc.coexisting_orbits(centred, starts=ENSEMBLE, turns=ENSEMBLE_TURNS)
+    return tuple(
+        Coexisting(share, orbit, float(case.objective.formula(orbit, scene, chamber)))
+        for orbit, share in zip(found.orbits, found.shares, strict=True)
+        if share > 0
+    )
+
+
+def error(case: Case, solution: PeriodicOrbit, objective: float) -> float:
+    """Return the estimated error of an objective: that of a difference is that of its parts."""
+    outputs, unit = case.objective.outputs, case.objective.unit
+    parts = [solution[name] for name in outputs if case.scene.statistics[name].unit == unit]
+    return float(solution.error) * max(map(abs, (objective, *map(float, parts))))
+
+
+def worse(one: float, other: float) -> bool:
+    """Tell whether an objective exceeds another by more than two solutions of one orbit differ."""
+    return one - other > SAME * abs(other)

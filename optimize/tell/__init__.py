@@ -1,0 +1,1 @@
+"""How an answer is told: checks, words, tables, figures and the page."""

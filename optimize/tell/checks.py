@@ -1,0 +1,330 @@
+"""The checks of a search's answer, each with its rule, and what the answer leaves out."""
+
+from typing import Any
+
+import numpy as np
+
+from jaxcrusher.scenes.parameters import in_words
+from jaxcrusher.scenes.units import said, unit_of
+from jaxcrusher.sheets.feed_response import TURNS
+from optimize.answer import Answer, Check, Confirmed, Orbit
+from optimize.ask.case import Case
+from optimize.ask.limits import OF_ORBIT, OF_RUN, Found
+from optimize.ask.problem import Problem
+from optimize.search import decay
+from optimize.search.confirm import least_contact
+from optimize.search.landscape import Maps
+from optimize.search.orbits import worse
+from optimize.search.stages import CONFIRM_RTOL, LONGER
+from optimize.tell.forces import quantity
+from optimize.tell.words import active, coexisting, number, shown
+
+# What the descents may leave of a slope that should vanish, over the width of the box, as a
+# share of the objective.
+VANISHED = 1e-6
+# Time averages of one motion.
+ALIKE = 0.01
+# What rounding may leave of a small slope's differences, as a share of it.
+APART = 0.02
+# What a bearing's clearance takes off the RMS of a quiet motion at most.
+BELOW_IDEAL = 0.003
+NO_SLOPES = (
+    "slopes are not known: at the optimum or beside it no orbit was solved for, or that of another "
+    "motion"
+)
+
+
+def judged(answer: Answer, problem: Problem, maps: Maps) -> dict[str, Any]:
+    """Return the checks of an answer, and what it leaves out: fields of `Answer`."""
+    remarks = remark(answer.optimum, problem), quieter(answer, problem.case, maps)
+    return {"checks": checks(answer, problem), "remark": " ".join(filter(None, remarks))}
+
+
+def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
+    """Check an answer that came to its evidence."""
+    case, effort = problem.case, problem.effort
+    best, other = answer.optimum, answer.seed_choice
+    if best is None or other is None:
+        return (Check("a design may be chosen", False, answer.empty),)
+    unit, units = case.objective.unit, answer.box.units
+    there = f"{number(other.objective)} {unit}" if other.counts else "nothing that counts"
+    return (
+        Check(
+            "inside the box",
+            _inside(best, case),
+            ", ".join(
+                f"{name} {shown(name, best.values[name], units):.6g} in "
+                f"{shown(name, low, units):.6g} to {shown(name, high, units):.6g} "
+                f"{unit_of(name, units)[0]}".rstrip()
+                for name, (low, high) in case.design.bounds.items()
+            ),
+        ),
+        *_capacity(best, case),
+        *_limits(best, case),
+        Check(
+            "long runs from both starts succeed without whirl",
+            best.counts,
+            f"all of {effort.runs} runs each, {LONGER * effort.settle} + "
+            f"{LONGER * effort.turns} turns at rtol {CONFIRM_RTOL:g}",
+        ),
+        *_motion(answer, best, case),
+        Check(
+            "not worse than any point of the map",
+            answer.bound is not None and answer.bound.gain >= -VANISHED * abs(best.objective),
+            _beside_map(answer, unit),
+        ),
+        *_ideal(best, case),
+        Check(
+            f"better than the {answer.compared_with}",
+            not other.objective < best.objective,
+            f"{number(best.objective)} <= {there}",
+        ),
+        *_slopes(best, case),
+    )
+
+
+def _inside(best: Confirmed, case: Case) -> bool:
+    """Tell whether all free numbers are inside their bounds, of either sign, but for rounding."""
+    inside = []
+    for name, (low, high) in case.design.bounds.items():
+        slack = 1e-12 * max(abs(low), abs(high))
+        inside.append(low - slack <= best.values[name] <= high + slack)
+    return all(inside)
+
+
+def _limits(best: Confirmed, case: Case) -> tuple[Check, ...]:
+    """Check each limit on all motions that the optimum comes to; those beside it by their model."""
+    checked = []
+    if case.inside_model and best.coexisting:
+        inside = [bool(one.solution.validity.inside) for one in best.coexisting]
+        told = f"{sum(inside)} of {len(inside)}"
+        checked.append(Check("orbits of random starts are inside the model", all(inside), told))
+    for limit in case.limits:
+        name = limit.statistic
+        motions: list[tuple[Found, float]] = [(one.solution, OF_ORBIT) for one in best.coexisting]
+        if best.orbit is not None and best.settles:
+            motions.append((best.orbit.solution, OF_ORBIT))
+        else:
+            means = [{name: runs.by_run[name].mean()} for runs in best.transient.values()]
+            motions += [(mean, OF_RUN) for mean in means]
+        kept = all(limit.kept(found, share) for found, share in motions)
+        highest = float(np.max([np.asarray(found[name]) for found, _ in motions]))
+        told = f"{highest:.6g} <= {limit.most:.6g} {limit.unit}"
+        checked.append(Check(f"{name} at most its limit", kept, told))
+    return tuple(checked)
+
+
+def _capacity(best: Confirmed, case: Case) -> tuple[Check, ...]:
+    """Check the capacity of a crusher."""
+    if best.crushing is None:
+        return ()
+    capacity = best.crushing.capacity
+    detail = f"{capacity:.2f} >= {case.capacity_floor:.2f} m3/h"
+    return (Check("capacity at least the floor", bool(case.reaches(capacity)), detail),)
+
+
+def _ideal(best: Confirmed, case: Case) -> tuple[Check, ...]:
+    """Check a crusher's force against that with an ideal joint, of which clearance takes little."""
+    if case.chamber is None:
+        return ()
+    of_runs = (float(runs.by_run["foundation_rms"].min()) for runs in best.transient.values())
+    least, below = min(best.forces["foundation_rms"], *of_runs), _below_ideal(case, best)
+    return (
+        Check(
+            "not below the ideal joint",
+            least >= best.ideal_rms * (1 - below),
+            f"RMS {least:.0f} N >= {best.ideal_rms:.0f} N less {100 * below:.2g} %",
+        ),
+    )
+
+
+def _below_ideal(case: Case, best: Confirmed) -> float:
+    """Return by how much of the ideal joint's RMS a loose joint can lower it at most.
+
+    Friction that follows the surfaces' slip turns the jaw one way all the time. Its moment, at most
+    the coefficient times bore radius and force, changes the forces at toggle and bearing by itself
+    over the jaw's length.
+    """
+    described = case.design.whole(case.design.described(best.values))
+    if described["slip"] != "surface":
+        return BELOW_IDEAL
+    lever = described["bore_radius"] / described["jaw.length"]
+    return BELOW_IDEAL + 2 * described["friction"] * lever
+
+
+def _slopes(best: Confirmed, case: Case) -> tuple[Check, ...]:
+    """Check the slopes at the optimum against differences of orbits; other motions have none."""
+    name, orbit = "the slopes at the optimum may be believed", best.orbit
+    if orbit is None or not best.settles:
+        return ()
+    if np.isnan(list(orbit.slopes.values())).any():
+        return (Check(name, False, NO_SLOPES),)
+    good, details = True, []
+    for parameter, slope in orbit.slopes.items():
+        low, high = case.design.bounds[parameter]
+        apart = orbit.slopes_apart[parameter]
+        of_slope, of_value = apart / max(abs(slope), 1e-300), apart * (high - low)
+        of_value /= max(abs(best.objective), 1e-300)
+        # A slope that vanishes leaves nothing to take a share of.
+        good &= of_slope <= APART or of_value <= VANISHED
+        details.append(f"by {parameter} {of_slope:.1g} and {of_value:.1g}")
+    check = Check(
+        name,
+        good,
+        "differences of orbits are off by shares of the slope, and of the objective over "
+        f"the box: {', '.join(details)}; rule: <= {APART:g} or <= {VANISHED:g}",
+    )
+    return (check,)
+
+
+def _beside_map(answer: Answer, unit: str) -> str:
+    """Say by how much the optimum lies below, or above, the best point of the map."""
+    if answer.bound is None:
+        return "the map has no bound"
+    if not answer.stable_orbits:
+        return "the map has no stable orbit to compare the optimum with"
+    gain, least = answer.bound.gain, answer.optimum and abs(answer.optimum.objective)
+    where = "below" if gain >= 0 else "above"
+    return (
+        f"the optimum lies {abs(gain):.3g} {unit} {where} the map's best point; rule: at most "
+        f"{VANISHED * (least or 0):.2g} {unit} above it"
+    )
+
+
+def _agree(best: Confirmed, unit: str) -> Check:
+    """Check that time averages from both starts are of one motion."""
+    one, two = best.transient.values()
+    widths = [runs.objective_half_width for runs in (one, two)]
+    apart = abs(one.objective_mean - two.objective_mean)
+    return Check(
+        "both starts agree",
+        apart <= max(sum(widths), ALIKE * abs(best.objective)),
+        f"{apart:.3g} {unit} apart, intervals ±{widths[0]:.3g} and ±{widths[1]:.3g} {unit}; rule: "
+        f"within both, or within {100 * ALIKE:g} %, which a weakly damped oscillation leaves",
+    )
+
+
+def _motion(answer: Answer, best: Confirmed, case: Case) -> tuple[Check, ...]:
+    """Check that the machine comes to the numbers reported, from either start."""
+    orbit = best.orbit
+    if orbit is None or not orbit.stable:
+        return (_agree(best, case.objective.unit),)
+    contact = ", ".join(
+        f"{start} start {100 * least_contact(runs.by_run):.4g} %"
+        for start, runs in best.transient.items()
+    )
+    comes = Check(
+        "both starts come to the periodic orbit",
+        best.settles,
+        f"largest multiplier {float(orbit.solution.largest_multiplier):.6f} < 1, and in contact "
+        f"all the time of all long runs: {contact}",
+    )
+    # What has no number of the objective is no design to choose.
+    worst = [
+        one
+        for one in best.coexisting
+        if np.isnan(one.objective) or worse(one.objective, orbit.objective)
+    ]
+    alone = Check(
+        "no random start comes to a worse motion",
+        not worst,
+        coexisting(best) or "none came to a motion that repeats",
+    )
+    return comes, *_decaying(best, orbit), alone, _stationary(answer, best, case)
+
+
+def _decaying(best: Confirmed, orbit: Orbit) -> tuple[Check, ...]:
+    """Check that measurable oscillations decay at least as fast as the multiplier says.
+
+    A wide oscillation, for which the contact is not linear, may decay faster. One that cannot be
+    measured is no evidence against the multiplier.
+    """
+    swings = {start: runs.decay for start, runs in best.transient.items() if runs.decay is not None}
+    if not swings:
+        return ()
+    says, good, details = decay.rate(orbit), True, []
+    for start, swing in swings.items():
+        if why := decay.unmeasurable(swing, says):
+            details.append(f"{start} start not measurable ({why})")
+            continue
+        good &= swing.rate >= says - decay.ERRORS * swing.error
+        details.append(f"{start} start {swing.rate:.2g} ± {swing.error:.1g}")
+    check = Check(
+        "oscillations decay as fast as the multiplier says",
+        good,
+        f"the multiplier gives a decay by {says:.2g} a turn, measured: {', '.join(details)}; "
+        f"rule: at most {decay.ERRORS:g} standard errors slower",
+    )
+    return (check,)
+
+
+def _stationary(answer: Answer, best: Confirmed, case: Case) -> Check:
+    """Check the conditions of Karush, Kuhn and Tucker."""
+    name = "a minimum: each parameter at an active constraint, or without slope"
+    if np.isnan(list(answer.free_slopes.values())).any():
+        return Check(name, False, NO_SLOPES)
+    bounds = case.design.bounds
+    left = [
+        (name, abs(slope) * (bounds[name][1] - bounds[name][0]) / abs(best.objective))
+        for name, slope in answer.free_slopes.items()
+    ]
+    unit, units = case.objective.unit, answer.box.units
+    details = [active(one, unit, units) for one in answer.active]
+    details += [
+        f"slope by {name} {share:.1g} of the objective over the box" for name, share in left
+    ]
+    return Check(
+        name,
+        all(share <= VANISHED for _, share in left),
+        "; ".join(details) + f"; rule: slopes <= {VANISHED:g}",
+    )
+
+
+def remark(best: Confirmed | None, problem: Problem) -> str:
+    """Say what the answer leaves out."""
+    case = problem.case
+    if best is None:
+        return "There is no least value. Maps and runs show how the designs of the box move."
+    if problem.sought.name == "expected_rms":
+        return (
+            f"Least {case.objective.meaning}, by the response of orbits to it. All other numbers, "
+            "and the motions of long runs, are those under the mean load. Designs that lose "
+            f"contact under the feed more than once in {TURNS:g} turns do not count."
+        )
+    if not problem.of_the_paper:
+        return f"Least {case.objective.meaning}; the other numbers are reported beside it."
+    speeds = case.design.bounds.get("speed")
+    if speeds is None:
+        return "The RMS of the foundation force at a fixed speed."
+    if best.values["speed"] > speeds[0] * 1.001:
+        return "The least RMS lies above the lowest speed allowed."
+    return (
+        "The least RMS lies at the lowest speed allowed, because the force rises with the speed. "
+        "The clearance matters only through the motion that it allows. The paper rules out low "
+        "speeds because of wear, which this objective does not count."
+    )
+
+
+def quieter(answer: Answer, case: Case, maps: Maps) -> str:
+    """Say which point of the map shakes the ground far less than the optimum, if one does."""
+    best, orbits = answer.optimum, maps.counting_orbits
+    if best is None or orbits is None or len(best.forces) == 1:
+        return ""
+    if "shaking_rms" in case.objective.outputs:
+        return ""
+    shaking = orbits.shaking_rms.where(orbits.counts).to_numpy().ravel()
+    least = int(np.nanargmin(shaking))
+    if not shaking[least] < best.forces["shaking_rms"] * (1 - ALIKE):
+        return ""
+    at = ", ".join(
+        f"{in_words(name)} {said(name, value, answer.box.units)}"
+        for name, value in case.design.numbers(maps.points[least]).items()
+    )
+    rms = float(orbits.foundation_rms.to_numpy().ravel()[least])
+    now = quantity(best.forces["shaking_rms"], "N")
+    return (
+        f"The ground is shaken less elsewhere: at {at} the RMS shaking force is "
+        f"{quantity(shaking[least], 'N')} instead of {now}, and the "
+        f"RMS force on the foundation is {quantity(rms, 'N')}. The objective shaking_rms searches "
+        "for the least."
+    )

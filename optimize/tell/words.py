@@ -1,0 +1,205 @@
+"""The numbers and sentences of an answer as text, for the console and for the page."""
+
+import math
+from collections.abc import Mapping
+from typing import TypeVar
+
+import numpy as np
+
+from jaxcrusher.joint.validity import Validity
+from jaxcrusher.scenes.parameters import in_words
+from jaxcrusher.scenes.units import said, unit_of
+from optimize.answer import Active, Answer, Confirmed, Runs
+from optimize.tell.forces import besides, name_of, opposed, quantity
+
+# A number this near a bound of its box, as a share, is at it: rounding.
+AT_END = 1e-12
+
+
+def number(value: float) -> str:
+    """Return a number with five digits, or with all of those before the point."""
+    return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:z.5g}"
+
+
+def interval(runs: Runs) -> str:
+    """Return a mean with its interval, and what is wrong with the runs."""
+    failed = runs.count - int(runs.by_run["success"].sum())
+    if failed:
+        return "failed" if failed == runs.count else f"{failed} of {runs.count} failed"
+    if math.isnan(runs.objective_mean):  # an objective of periodic orbits only
+        return "no value"
+    text = f"{number(runs.objective_mean)}±{float(f'{runs.objective_half_width:.2g}'):g}"
+    return f"{text}, friction whirl" if runs.by_run["whirl"].any() else text
+
+
+def orbit(design: Confirmed) -> str:
+    """Return the objective on the orbit with the digits it has, or why there is none."""
+    found = design.orbit
+    if found is None or not found.found:
+        return "none" if found is None else "none found"
+    text = f"{found.objective:.2f}" if abs(found.objective) >= 100 else f"{found.objective:.6g}"
+    if found.undecided:
+        return f"{text}, not known to be stable"
+    return text if found.stable else f"{text}, unstable"
+
+
+def turns(design: Confirmed) -> str:
+    """Return the turns in which a disturbance of the orbit falls to 1/e."""
+    found = design.orbit
+    if found is None or not found.found or found.undecided:
+        return "unknown"
+    return f"{float(found.solution.settling_turns):.0f}" if found.stable else "never"
+
+
+def coexisting(design: Confirmed) -> str:
+    """Return to which orbits random starts come, and how many to none."""
+    found = [
+        f"{one.share:.0%} of random starts come to {number(one.objective)}"
+        + (f" over {one.solution.period} turns" if one.solution.period > 1 else "")
+        for one in design.coexisting
+    ]
+    left = 1 - sum(one.share for one in design.coexisting)
+    # Shares are of a few starts.
+    if found and left > 1e-6:
+        found.append(f"{left:.0%} to no motion that repeats")
+    return ", ".join(found)
+
+
+def active(one: Active, unit: str, units: Mapping[str, str]) -> str:
+    """Return an active constraint and its multiplier."""
+    of, factor = (one.unit, 1.0) if one.unit else unit_of(one.parameter, units)
+    by = "the floor of the capacity" if one.limit == "capacity" else f"its {one.limit} value"
+    per = f" per {of}" if of else ""
+    return f"{one.parameter} is at {by}, multiplier {number(one.multiplier * factor)} {unit}{per}"
+
+
+Number = TypeVar("Number", float, np.ndarray)
+
+
+def shown(name: str, value: Number, units: Mapping[str, str]) -> Number:
+    """Return a parameter in the unit that it was given in, or that drawings have."""
+    return value / unit_of(name, units)[1]
+
+
+def answer(found: Answer) -> str:
+    """Return the answer in a sentence, which recommends a design only if every check passed.
+
+    A sentence before it says so where one of the two forces falls and the other one rises.
+    """
+    best, other = found.optimum, found.seed_choice
+    if best is None or other is None:
+        return f"No design may be chosen: {found.empty}." if found.empty else ""
+    ends = _ends(found, best)
+    rpm = [f"{best.speed * 30 / math.pi:.0f} rpm", *_at_bound(ends.get("speed"))]
+    shown = [f"{best.speed:.4g} rad/s ({', '.join(rpm)})"]
+    if best.crushing is not None:
+        clearance = f"{1e3 * best.crushing.clearance:.3g} mm of radial clearance"
+        shown.append(_with_bound(clearance, ends.get("clearance")))
+    shown += [
+        _with_bound(f"{in_words(name)} {said(name, value, found.box.units)}", ends.get(name))
+        for name, value in best.values.items()
+        if name not in ("speed", "clearance")
+    ]
+    against, reasons = [], []
+    if found.stable_orbits == 0:
+        against.append("the map of the box found no stable orbit of one turn")
+    if why := _unconfirmed(found):
+        against.append("not confirmed")
+        reasons.append(why)
+    if beyond := outside(best):
+        against.append("outside the contact model")
+        reasons.append(f"because of {'; '.join(beyond)}")
+    place = " with ".join(filter(None, (shown[0], ", ".join(shown[1:]))))
+    if best.crushing is not None and ends.get("speed") == "lowest":
+        place += ", if wear and rock that waits for the jaw, which are not counted, allow it"
+    text = f"the best is {place}, " if against else f"Run it at {place}: "
+    unit = found.objective.unit
+    text += f"{name_of(found.objective.meaning)} {quantity(best.objective, unit)}"
+    if best.averaged:
+        text += " as the mean of long runs"
+    if other.counts and other.objective > best.objective > 0:
+        less = 100 * (1 - best.objective / other.objective)
+        than = quantity(other.objective, unit)
+        text += f", {less:.1f} % less than {than} at the {found.compared_with}"
+    for name, meaning in besides(best.forces, found.objective.meaning).items():
+        text += f"; {name_of(meaning)} {quantity(best.forces[name], 'N')}"
+        text += f" against {quantity(other.forces[name], 'N')}" if other.counts else ""
+    before = f"{'; '.join(against)}: " if against else ""
+    text = "; ".join([before + text, *reasons])
+    return " ".join(filter(None, (trade(found), f"{text[0].upper()}{text[1:]}.")))
+
+
+def _ends(found: Answer, best: Confirmed) -> dict[str, str]:
+    """Return at which end of its box a free number stands, of those that stand at one."""
+    ends = {}
+    for name, bounds in found.box.bounds.items():
+        for bound, words in zip(bounds, ("lowest", "highest"), strict=True):
+            if math.isclose(best.values[name], bound, rel_tol=AT_END, abs_tol=0.0):
+                ends[name] = words
+    return ends | {one.parameter: one.limit for one in found.active}
+
+
+def _at_bound(limit: str | None) -> list[str]:
+    """Say at which end of its box a number stands, or nothing inside it."""
+    if limit == "capacity":
+        return ["where the capacity is at its floor"]
+    return [] if limit is None else [f"the {limit} allowed"]
+
+
+def _with_bound(said: str, limit: str | None) -> str:
+    return " ".join([said, *(f"({words})" for words in _at_bound(limit))])
+
+
+def trade(found: Answer) -> str:
+    """Say that one force falls and the other rises, from the design compared with, or nothing."""
+    before, after = found.seed_choice, found.optimum
+    if before is None or after is None or not (before.counts and after.counts):
+        return ""
+    return opposed(before.forces, after.forces, found.compared_with)
+
+
+def _unconfirmed(found: Answer) -> str:
+    """Say why an answer is not confirmed, or nothing."""
+    if not found.checks:
+        return "because the search ended before its checks"
+    failed = [f"“{check.name}”" for check in found.checks if not check.passed]
+    if not failed:
+        return ""
+    checks = "the check" if len(failed) == 1 else f"{len(failed)} of {len(found.checks)} checks"
+    return f"because {checks} failed: {', '.join(failed)}"
+
+
+def outside(design: Confirmed) -> list[str]:
+    """Say what of a design's runs is outside the contact model, start by start."""
+    found = []
+    for start, runs in design.transient.items():
+        known = bool(runs.first("success"))
+        remarks = runs.validity.remarks() if known else ["not known"]
+        found += [f"{start} start, {remark}" for remark in remarks]
+    return found
+
+
+def limits(design: Confirmed) -> str:
+    """Say what of a design's runs is outside the contact model."""
+    if found := outside(design):
+        return "OUTSIDE the contact model: " + "; ".join(found)
+    contacts = [
+        one
+        for runs in design.transient.values()
+        for one in (runs.validity, *runs.validity.others.values())
+        if isinstance(one, Validity)
+    ]
+    return (
+        "inside the contact model (half-width "
+        f"{max(np.asarray(one.half_width_ratio) for one in contacts):.2f} radii, approach "
+        f"{max(np.asarray(one.impact_speed_ratio) for one in contacts):.2f} of the elastic limit)"
+    )
+
+
+def error(answer: Answer) -> str:
+    """Explain the numbers of the starts."""
+    counts = {runs.count for one in answer.designs.values() for runs in one.transient.values()}
+    return (
+        f"Numbers of the starts are averages after {answer.settle_turns} turns; ± is half a 95 % "
+        f"interval, from {max(counts)} independent runs"
+    )
