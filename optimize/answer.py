@@ -9,11 +9,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.sheets.load_sheet import Row
-from optimize.ask.limits import Limit
+from optimize.ask.constraints import may_be_stable
+from optimize.ask.problem import Problem
 from optimize.ask.throughput import throughput
 
 
@@ -52,17 +54,6 @@ class Coexisting:
 
 
 @dataclass(frozen=True)
-class Decay:
-    """How the free oscillation of the pin about its orbit decays after the long runs."""
-
-    first: float  # in clearances, RMS over the first turns looked at
-    last: float  # over the last ones
-    rate: float  # share by which it falls in a turn
-    error: float  # standard error of the rate
-    floor: float  # oscillation that the integration's error keeps alive, in clearances
-
-
-@dataclass(frozen=True)
 class Runs:
     """Independent long runs of a design from one start."""
 
@@ -72,7 +63,6 @@ class Runs:
     state: np.ndarray  # at the end of the first run, as in `Section`
     by_run: dict[str, np.ndarray]  # every variable, shape (runs,); the first start is not shifted
     settles: bool  # the design has a stable orbit, and no run ever lost contact
-    decay: Decay | None = None  # of the run whose start is not shifted, if it settles
 
     @property
     def count(self) -> int:
@@ -107,7 +97,9 @@ class Confirmed:
     half_width: float  # estimated error of the orbit's, or of the mean's interval
     worse_start: str
     speed: float
-    forces: dict[str, float]  # `Case.forces` of the orbit, or the means of the worse start's runs
+    forces: dict[
+        str, float
+    ]  # `Problem.forces` of the orbit, or the means of the worse start's runs
     ideal_rms: float  # the first of them, of the same machine with ideal joints
     crushing: Crushing | None  # None of a linkage that is no crusher
     orbit: Orbit | None  # None: a scene whose orbits cannot be solved for
@@ -189,7 +181,7 @@ class Front:
     objective: np.ndarray  # (points,)
     other: np.ndarray  # (points,)
     values: dict[str, np.ndarray]  # of the free parameters, (points,)
-    forces: dict[str, np.ndarray]  # `Case.forces` of the orbits, (points,)
+    forces: dict[str, np.ndarray]  # `Problem.forces` of the orbits, (points,)
 
 
 @dataclass(frozen=True)
@@ -206,51 +198,48 @@ class Check:
         return "ok" if self.passed else "failed"
 
 
-@dataclass(frozen=True)
-class Sought:
-    """The objective: its name, unit and meaning."""
+@dataclass(frozen=True, eq=False)
+class Maps:
+    """What is known of the whole box: the landscape of both starts, and the periodic orbits."""
 
-    name: str
-    unit: str
-    meaning: str
+    cells: np.ndarray  # of the landscape, points (cells, n) of the unit box
+    landscape: xr.Dataset
+    motions: xr.Dataset  # of the landscape's cells
+    points: np.ndarray  # of the map of orbits, (points, n)
+    orbits: xr.Dataset | None  # None: there are none to solve for
+    contact: bool = True  # whether any design keeps contact from a start
+    reference: Orbit | None = None  # of the design to compare with, which is searched for beside
+
+    @property
+    def stable_orbits(self) -> int | None:
+        """How many points have an orbit that may be stable, None where none is solved for."""
+        return None if self.orbits is None else int(may_be_stable(self.orbits).sum())
+
+    @property
+    def counting_orbits(self) -> xr.Dataset | None:
+        """The map of orbits, if one of them counts."""
+        return None if self.orbits is None or not self.orbits.counts.any() else self.orbits
 
 
-@dataclass(frozen=True)
-class Box:
-    """Where it is searched."""
-
-    bounds: dict[str, tuple[float, float]]
-    capacity_floor: float  # m3/h
-    derived_speed: tuple[float, float] | None  # rad/s, by the capacity; None without one
-    units: dict[str, str] = field(default_factory=dict)  # that numbers were given in, where known
-    limits: tuple[Limit, ...] = ()
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Answer:
     """All that a search found, and how."""
 
+    problem: Problem
     command: str
-    versions: dict[str, str]
-    objective: Sought
-    box: Box
-    fixed: dict[str, Any]  # of the machine's description
-    columns: dict[str, tuple[str, str]]  # unit and meaning of every number of a run
-    seed: int
+    versions: Mapping[str, str]
     status: str = "interrupted"
     seconds: Mapping[str, float] = field(default_factory=dict)  # by stage
     steps: Mapping[str, int] = field(default_factory=dict)  # of integrations, by stage
+    maps: Maps | None = None
     refinement: tuple[Refinement, ...] = ()
+    ends: np.ndarray | None = None  # of the descents, points of the unit box to be confirmed
     candidates: tuple[Confirmed, ...] = ()
-    settle_turns: int = 0  # of the long runs, before their statistics began
-    compared_with: str = "paper's choice"  # or the scene file's
-    bulk_density: float | None = None  # kg/m3, of the crushed rock
     optimum: Confirmed | None = None
-    seed_choice: Confirmed | None = None  # what the optimum is compared with
+    reference: Confirmed | None = None  # what the optimum is compared with
     empty: str = ""  # why no design may be chosen, or nothing
-    stable_orbits: int | None = None  # points of the map that have one; None: none is solved for
     active: tuple[Active, ...] = ()  # constraints at the optimum
-    free_slopes: dict[str, float] = field(default_factory=dict)  # that no constraint balances
+    free_slopes: Mapping[str, float] = field(default_factory=dict)  # that no constraint balances
     bound: Bound | None = None
     load_sheets: Mapping[str, list[Row]] = field(default_factory=dict)  # of designs with an orbit
     fronts: tuple[Front, ...] = ()
@@ -265,13 +254,13 @@ class Answer:
     @property
     def designs(self) -> dict[str, Confirmed]:
         """Return the designs to show, by title, as far as the search came."""
-        titled = {"optimum": self.optimum, self.compared_with: self.seed_choice}
+        titled = {"optimum": self.optimum, self.problem.compared_with: self.reference}
         return {title: design for title, design in titled.items() if design is not None}
 
     @property
     def throughput(self) -> dict[str, float]:
         """Return the capacity in t/h of each design to show, nothing without a bulk density."""
-        density = self.bulk_density
+        density = self.problem.bulk_density
         if density is None:
             return {}
         return {

@@ -15,11 +15,11 @@ def search(options: Annotated[Options, tyro.conf.arg(name="search")]) -> None:
     """  # noqa: D205
     from rich.console import Console
 
-    from optimize.design_search import run
+    from optimize.design_search import design_search
 
     with keeping(options.folder):
-        answer = run(options, Console())
-    if not all(check.passed for check in answer.checks):
+        answer = design_search(options, Console())
+    if not (answer.finished and all(check.passed for check in answer.checks)):
         raise SystemExit(1)
 
 

@@ -22,8 +22,11 @@ FLOORS = (
         "jaxcrusher.sheets",
     ),
     ("jaxcrusher",),  # the public names
-    ("jaxcrusher.commands", "jaxcrusher.testing", "optimize"),
-    ("jaxcrusher.__main__",),
+    ("jaxcrusher.commands", "jaxcrusher.testing", "optimize.ask"),
+    ("jaxcrusher.__main__", "optimize.answer"),
+    ("optimize.search",),
+    ("optimize.tell",),
+    ("optimize",),
     ("benchmarks",),
 )
 LEVEL = {room: level for level, rooms in enumerate(FLOORS) for room in rooms}

@@ -15,7 +15,13 @@ from jaxtyping import Array, Scalar
 
 import jaxcrusher as jc
 from benchmarks.work_precision.cases import Case
-from jaxcrusher.basics.integrate import Carried, Integration, Outcome, Problem, integrate
+from jaxcrusher.basics.integrate import (
+    Carried,
+    InitialValueProblem,
+    Integration,
+    Outcome,
+    integrate,
+)
 from jaxcrusher.crusher.template import foundation_force
 from jaxcrusher.joint.normal import cylinder_stiffness
 from jaxcrusher.motion.flow import by_phase
@@ -63,7 +69,9 @@ def _observe(angle: Scalar, y: Carried, scene: jc.Scene) -> Scalar:
     return foundation_force(snapshot, scene)
 
 
-PROBLEM = Problem(_initial, _field, _observe, lambda forces, end, _: (forces, end.totals))
+PROBLEM = InitialValueProblem(
+    _initial, _field, _observe, lambda forces, end, _: (forces, end.totals)
+)
 
 
 def solve(scene: jc.Scene, angles: Array, method: Integration) -> tuple[Array, Array, Outcome]:

@@ -61,7 +61,7 @@ class Sensitive(eqx.Module):
     tangents: Any
 
 
-class Problem(eqx.Module):
+class InitialValueProblem(eqx.Module):
     """The functions of an integration; `args` is what they depend on.
 
     The independent variable is the caller's. `observe` is evaluated at every saved time, and
@@ -169,7 +169,11 @@ def _largest(error: PyTree, order: int) -> Scalar:
 
 
 def integrate(
-    args: PyTree, times: Float[Array, "segments saves"], *, problem: Problem, method: Integration
+    args: PyTree,
+    times: Float[Array, "segments saves"],
+    *,
+    problem: InitialValueProblem,
+    method: Integration,
 ) -> tuple[PyTree, Outcome]:
     """Integrate from 0 through consecutive segments, each ending at its last time.
 
@@ -182,13 +186,13 @@ def integrate(
 
 
 @eqx.filter_custom_jvp
-def _beside_tangents(args, times, *, problem: Problem, method: Integration):
+def _beside_tangents(args, times, *, problem: InitialValueProblem, method: Integration):
     """Integrate, with a rule for derivatives that carries tangents beside the motion."""
     return _march(args, times, problem, method)
 
 
 @_beside_tangents.def_jvp
-def _integrate_jvp(primals, tangents, *, problem: Problem, method: Integration):
+def _integrate_jvp(primals, tangents, *, problem: InitialValueProblem, method: Integration):
     args, times = primals
     args_dot, times_dot = tangents
     if times_dot is not None:
@@ -215,7 +219,7 @@ def _integrate_jvp(primals, tangents, *, problem: Problem, method: Integration):
 
 
 @functools.cache  # so that one trace serves programs of several counts
-def _with_tangents(problem: Problem, unravel: Callable) -> Problem:
+def _with_tangents(problem: InitialValueProblem, unravel: Callable) -> InitialValueProblem:
     """The problem that carries the derivative by every entry of a vector of numbers."""
 
     def along_each(function, args, *operands_and_tangents):
@@ -256,7 +260,7 @@ def _with_tangents(problem: Problem, unravel: Callable) -> Problem:
 
     following = problem.following
     if following is None:
-        return Problem(initial, field, observe, summarise)
+        return InitialValueProblem(initial, field, observe, summarise)
 
     def begin(args):
         return Sensitive(*along_each(following.begin, args))
@@ -275,7 +279,7 @@ def _with_tangents(problem: Problem, unravel: Callable) -> Problem:
         tangents = kept.tangents, *(one.seen.tangents for one in instants)
         return Sensitive(*with_tangents(at_times, values, tangents))
 
-    return Problem(initial, field, observe, summarise, Following(begin, watch, follow))
+    return InitialValueProblem(initial, field, observe, summarise, Following(begin, watch, follow))
 
 
 def _sensitivity(end: Sensitive) -> Scalar:
@@ -299,7 +303,9 @@ def _restarted(y: Carried | Sensitive) -> Carried | Sensitive:
     return Carried(y.motion, jax.tree.map(jnp.zeros_like, y.totals))
 
 
-def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, Outcome]:
+def _march(
+    args, times, problem: InitialValueProblem, method: Integration
+) -> tuple[PyTree, Outcome]:
     """The loop over segments."""
     start, y = jnp.zeros_like(times[0, 0]), problem.initial(args)
     success = RESULTS.promote(diffrax.RESULTS.successful)
@@ -366,7 +372,7 @@ def _march(args, times, problem: Problem, method: Integration) -> tuple[PyTree, 
     return summaries, outcome
 
 
-def _evaluate(args, times, y: PyTree, problem: Problem) -> PyTree:
+def _evaluate(args, times, y: PyTree, problem: InitialValueProblem) -> PyTree:
     """The summaries of a scene that has nothing to integrate."""
     observed = jax.vmap(jax.vmap(lambda time: problem.observe(time, y, args)))(times)
     summarise = jax.vmap(lambda segment: problem.summarise(segment, y, None), axis_size=len(times))

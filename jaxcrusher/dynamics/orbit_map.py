@@ -14,7 +14,7 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import Engine, name_of, without_lanes
 from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import Layout, opened
-from jaxcrusher.dynamics.many_orbits import MOTION, SEEN, Problem, Rows, beside, solve_orbits
+from jaxcrusher.dynamics.many_orbits import MOTION, SEEN, Rows, Sought, beside, solve_orbits
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.forced import refusal, unknowns
@@ -104,16 +104,16 @@ def orbit_map(
         if 0 not in kept.done:
             found = {}
             for (choices, designs), one in zip(groups, first, strict=True):
-                problem = Problem(
+                sought = Sought(
                     eqx.Partial(_scene, slopes=slopes, structure=grid.structure, choices=choices),
-                    eqx.Partial(_metric, name=metric),
+                    (eqx.Partial(_metric, name=metric),),
                     period,
                     unknowns(one),
                 )
                 found[tuple(designs)] = _solved(
                     grid,
                     designs,
-                    problem,
+                    sought,
                     slopes,
                     levels=levels,
                     engine=engine,
@@ -141,19 +141,20 @@ def _metric(orbit: PeriodicOrbit, scene: Scene, free: Array, rest: PyTree, name:
 
 
 def _solved(
-    grid: Grid, designs: list[int], problem: Problem, slopes: tuple[str, ...], **how: Any
+    grid: Grid, designs: list[int], sought: Sought, slopes: tuple[str, ...], **how: Any
 ) -> Rows:
     """Solve for the orbits of designs of the same choices, with settings of `solve_orbits`."""
     numbers, place = grid.numbers(designs), {design: i for i, design in enumerate(designs)}
     free = [numbers.pop(name) for name in slopes]
     near = beside(grid.shape, [not grid.chooses(name) for name in grid.axes])
-    return solve_orbits(
-        problem,
+    rows = solve_orbits(
+        sought,
         (np.stack(free, axis=1) if free else np.empty((len(designs), 0)), numbers),
         neighbours=lambda case: [place[design] for design in near(designs[case])],
         enough=SETTLED,
         **how,
     )
+    return rows | {"slope": rows.pop("slopes")[:, 0]}
 
 
 def _layout(grid: Grid, scenes: list[Scene], slopes: tuple[str, ...], metric: str) -> Layout:

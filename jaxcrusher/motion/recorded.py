@@ -10,9 +10,9 @@ from jaxtyping import Array, PyTree
 from jaxcrusher.basics.integrate import (
     RESULTS,
     Carried,
+    InitialValueProblem,
     Integration,
     Outcome,
-    Problem,
     Sensitive,
     error_norm,
     integrator,
@@ -28,7 +28,11 @@ def recorded(scene: Any, function: Callable[[Any], PyTree]) -> PyTree:
 
 
 def record(
-    args: PyTree, times: Array, y: Carried | Sensitive, problem: Problem, method: Integration
+    args: PyTree,
+    times: Array,
+    y: Carried | Sensitive,
+    problem: InitialValueProblem,
+    method: Integration,
 ) -> tuple[PyTree, Outcome]:
     """Record an integration in place of the march of `integrate`, as an `integrator` does.
 

@@ -12,9 +12,9 @@ from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 from jaxcrusher.basics.checks import concrete, require
 from jaxcrusher.basics.integrate import (
     Carried,
+    InitialValueProblem,
     Integration,
     Outcome,
-    Problem,
     failure_text,
     integrate,
 )
@@ -201,7 +201,7 @@ def _simulate(
 
 
 @functools.cache  # so that programs of other counts share its trace
-def _problem(outputs: tuple[str, ...]) -> Problem:
+def _problem(outputs: tuple[str, ...]) -> InitialValueProblem:
     """Observe the named outputs, in real time."""
 
     def works(scene: Scene) -> dict[str, Callable]:
@@ -227,7 +227,7 @@ def _problem(outputs: tuple[str, ...]) -> Problem:
 
         return {name: seen(name) for name in outputs}
 
-    return Problem(initial, field, observe, lambda observed, end, kept: observed)
+    return InitialValueProblem(initial, field, observe, lambda observed, end, kept: observed)
 
 
 def leading_force(scene: Scene) -> str:

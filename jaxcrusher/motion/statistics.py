@@ -14,9 +14,9 @@ from jaxcrusher.basics.checks import nan_unless, require_whole
 from jaxcrusher.basics.following import Following, Instant
 from jaxcrusher.basics.integrate import (
     Carried,
+    InitialValueProblem,
     Integration,
     Outcome,
-    Problem,
     failure_text,
     integrate,
 )
@@ -261,7 +261,7 @@ def of_whirl(scene: Scene) -> tuple[str, ...]:
 
 def statistics_problem(
     flow: Flow, outputs: Chosen, share: float | None = None
-) -> tuple[Problem, Float[Array, " n"]]:
+) -> tuple[InitialValueProblem, Float[Array, " n"]]:
     """Return the problem of a turn with its statistics, or of a share of a turn, and its instants.
 
     These are the shares of a turn at which samples are seen, and the end. Totals and samples are by
@@ -278,7 +278,7 @@ def statistics_problem(
 
 
 @functools.cache  # so that programs of other counts share its trace
-def _problem(outputs: Chosen, share: float | None, moves: bool) -> Problem:
+def _problem(outputs: Chosen, share: float | None, moves: bool) -> InitialValueProblem:
     looks = {name: one.quantity for name, one in outputs}
     reductions = {name: one.reduction for name, one in outputs}
     means = {n: how for n, how in reductions.items() if isinstance(how, AbstractMean)}
@@ -333,4 +333,4 @@ def _problem(outputs: Chosen, share: float | None, moves: bool) -> Problem:
             follow,
         )
     observe = functools.partial(seen_at, tuple(samples))
-    return Problem(initial, field, observe, summarise, following)
+    return InitialValueProblem(initial, field, observe, summarise, following)

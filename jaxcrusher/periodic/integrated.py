@@ -9,7 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree, Scalar
 
-from jaxcrusher.basics.integrate import Carried, Integration, Problem, integrate, pi_controller
+from jaxcrusher.basics.integrate import (
+    Carried,
+    InitialValueProblem,
+    Integration,
+    integrate,
+    pi_controller,
+)
 from jaxcrusher.periodic.collocation_problem import Watch, nothing
 from jaxcrusher.periodic.shooting_problem import BRANCH_RTOL, AbstractFlow
 from jaxcrusher.periodic.system import System
@@ -111,4 +117,4 @@ def _summarise(seen: Array, carried: Carried, kept: None) -> tuple[Array, Array]
     return seen, carried.motion
 
 
-_PROBLEM = Problem(_initial, _field, _observe, _summarise)
+_PROBLEM = InitialValueProblem(_initial, _field, _observe, _summarise)

@@ -15,6 +15,9 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.scenes.parameters import MOMENTS, check_number
 from optimize.ask.completions import CounterweightMoment, EqualStroke
 
+# More free numbers than these get a Sobol sequence instead of a grid.
+GRID_DIMENSIONS = 2
+
 
 @dataclass(frozen=True, eq=False)
 class Design:

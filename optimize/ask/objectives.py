@@ -34,6 +34,7 @@ class Objective:
     outputs: tuple[str, ...]
     formula: Formula
     lowest: float = 0.0  # it cannot be less
+    name: str = ""  # as options name it
 
 
 def plain(name: str, known: Mapping[str, Statistic] = STATISTIC) -> Objective:
@@ -61,7 +62,7 @@ def own_objective(text: str) -> Objective:
     good = isinstance(found, Objective)
     require(good, "objective", "name an optimize.ask.objectives.Objective as module:NAME", text)
     assert isinstance(found, Objective)
-    return found
+    return replace(found, name=text)
 
 
 def _excess(statistics: Statistics | PeriodicOrbit, scene: jc.Scene, _) -> Scalar:

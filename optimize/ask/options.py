@@ -30,8 +30,12 @@ class Effort:
     """Turns of the shaft that statistics cover."""
     steps: int = 40
     """Most gradient steps of each refinement."""
+    starts: int = 32
+    """Descents on orbits, in lock-step: half of them from the best points of the map, the others
+    from random ones."""
     refine: int = 3
-    """Best points to refine from; as many random ones are refined too."""
+    """Best ends of descents that are polished and confirmed. With limits that are no bounds, and
+    where there are no orbits: best points to refine from; as many random ones are refined too."""
     runs: int = 5
     """Independent long runs from each start that confirm a candidate."""
     seed: int = 0
@@ -42,6 +46,9 @@ class Effort:
 class Options(Effort):
     """Options of the design search: the problem and the effort."""
 
+    seconds: float | None = None
+    """Seconds after which the search ends with what there is. The same command goes on from
+    there."""
     name: str = "default"
     """Name of the run: results go to OUT/NAME/."""
     out: Path = Path("results")

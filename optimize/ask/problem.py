@@ -1,390 +1,195 @@
-"""The problem that the options of the search describe: what is free, and what is compared."""
+"""The problem of a search: what is free, what is to be small, and what a design must satisfy."""
 
-import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
-from jaxcrusher.basics.checks import require, require_choice, require_within
-from jaxcrusher.crusher.capacity import AFFLUENCE, CrushingChamber
-from jaxcrusher.files.journal import digest_of
-from jaxcrusher.mechanism.scene import Scene, require_clearance
-from jaxcrusher.scenes.build import Crusher, build_chamber, build_scene
-from jaxcrusher.scenes.machine import Machine, tell_about
-from jaxcrusher.scenes.own_laws import with_digests
-from jaxcrusher.scenes.parameters import PE250X400, in_words, key_of, readable
-from jaxcrusher.scenes.reader import (
-    kind_of,
-    naming,
-    read_entries,
-    read_machine,
-    read_scene_file,
-    read_text,
-)
-from jaxcrusher.scenes.units import units_of
-from optimize.answer import Box, Sought
-from optimize.ask.case import Case
-from optimize.ask.completions import CounterweightMoment, EqualStroke
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, Scalar
+
+from jaxcrusher.batch.sweep import columns_of_row
+from jaxcrusher.crusher.capacity import CrushingChamber
+from jaxcrusher.files.table import COLUMNS, Column, columns_of
+from jaxcrusher.mechanism.scene import Scene
+from jaxcrusher.scenes.build import LINKS, build_chamber
 from optimize.ask.design import Design
-from optimize.ask.limits import read_limits
-from optimize.ask.objectives import OBJECTIVES, OF_SUPPORTS, Objective, own_objective, plain
-from optimize.ask.options import Effort, Options
-from optimize.ask.sets import SETS, SETS_OF, Bounds, ranges, sets, written_bounds
-from optimize.ask.throughput import read_bulk_density
-from optimize.search.landscape import GRID_DIMENSIONS
+from optimize.ask.limits import Limit
+from optimize.ask.objectives import OBJECTIVES, Formula, Objective, plain
+from optimize.ask.options import Effort
 
-# The paper's choice, Section 5.3.
-SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
-# Options that do not decide the answer, or do by what they are read as.
-KEPT_APART = (
-    "name",
-    "out",
-    "scene",
-    "overrides",
-    "speed",
-    "clearance",
-    "design",
-    "limit",
-    "bulk_density",
-)
-# Options of a crusher: a linkage has its numbers and laws by --set and --design alone.
-_OF_A_CRUSHER = (
-    "speed",
-    "clearance",
-    "capacity_floor",
-    "bulk_density",
-    "slip",
-    "friction",
-    "load_law",
-    "impact_velocity",
-)
-# What describes sliding steel, which a roller bearing is not, and the laws without a `load`.
-OF_SLIDING = ("friction", "slip", "restitution", "young", "poisson", "impact_velocity")
-WITHOUT_LOAD = ("none", "by_angle", "chamber")
-
-
-class Searched(NamedTuple):
-    """A machine and the box of its designs, as the options of a search describe them."""
-
-    machine: Machine  # as it was given, but for its start
-    design: Design
-    scene: Scene  # of one of the designs
-    chamber: CrushingChamber | None  # None of a linkage that is no crusher
-    capacity_floor: float  # m3/h
-    reference: dict[str, float]  # the free numbers of the design to compare with
-    compared_with: str
+# Statistics of objectives that are traded against the RMS of a crusher's force on its foundation.
+AGAINST_RMS = ("foundation_peak", "shaking_rms", "shaking_peak", "shaking_moment_rms")
+# Designs whose capacity is computed at once.
+AT_ONCE = 64
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A search, as its options were read once: a scene file that changes later does not matter."""
+    """A search, as its options were read once: a scene file that changes later does not matter.
 
-    folder: Path
-    settings: dict[str, Any]  # everything that decides the answer
-    searched: Searched
-    case: Case
-    sought: Sought
-    box: Box
-    of_the_paper: bool  # its machine, and its objective
-    bulk_density: float | None  # kg/m3, of the crushed rock
-    effort: Effort
-
-
-def resolve(options: Options) -> Problem:
-    """Return the problem of some options.
-
-    Raises ValueError for a value outside its limits, before anything is compiled.
+    `chamber` is that of the numbers that are not free; where links are, see `chamber_of`. A linkage
+    that is no crusher has none, and no capacity.
     """
-    _check_numbers(options)
-    _require_used(options)
-    _require_not_set(options)
-    bulk_density = read_bulk_density(options.bulk_density)
-    searched = _linkage(options) if kind_of(options.scene) == "linkage" else _crusher(options)
-    machine, design, chamber = searched.machine, searched.design, searched.chamber
-    scene, free = searched.scene, dict(design.bounds)
-    name = options.objective or ("shaking_rms" if chamber is None else "rms")
-    case = Case(
-        design,
-        _objective(name, searched),
-        chamber,
-        searched.capacity_floor,
-        options.inside_model,
-        read_limits(options.limit, scene),
-    )
-    if chamber is not None and not case.links_free:
-        reached = float(chamber.capacity(case.slowest))
-        require(
-            bool(case.reaches(reached)),
-            "capacity_floor",
-            f"be reached in the box, whose lowest speed gives {reached:.4g} m3/h",
-            case.capacity_floor,
-        )
-    speeds = None
-    machine.require_possible(
-        {name: ends for name, ends in free.items() if name not in CounterweightMoment.inputs}
-    )
-    if chamber is not None:
-        speeds = float(chamber.lowest_speed()), float(chamber.highest_speed(case.capacity_floor))
-    texts = (*options.overrides, *((name, high) for name, _, high in ranges(options)))
-    entries = () if options.scene is None else read_entries(options.scene)
-    units = machine.units | units_of((*entries, *texts))
-    kept = {key: value for key, value in asdict(options).items() if key not in KEPT_APART}
-    own = ":" in name
-    kept["objective"] = f"{name} {digest_of(case.objective.formula)}" if own else name
-    kept |= {} if design.kept_stroke is None else {"stroke": design.kept_stroke.target}
-    limits = {limit.statistic: limit.most for limit in case.limits}
-    return Problem(
-        options.folder,
-        {
-            "command": "search",
-            **kept,
-            "bounds": free,
-            "limits": limits,
-            "scene": with_digests(machine.given),
-            **machine.structure.record,
-        },
-        searched,
-        case,
-        Sought(name, case.objective.unit, case.objective.meaning),
-        Box(free, case.capacity_floor, speeds, units, case.limits),
-        name == "rms" and options.scene is None,
-        bulk_density,
-        options,
-    )
+
+    design: Design
+    objective: Objective
+    chamber: CrushingChamber | None
+    capacity_floor: float = 0.0  # m3/h
+    inside_model: bool = False  # also refuse motions outside the contact model
+    limits: tuple[Limit, ...] = ()
+    reference: Mapping[str, float] = field(default_factory=dict)  # the design to compare with
+    compared_with: str = "paper's choice"  # or the scene file's
+    bulk_density: float | None = None  # kg/m3, of the crushed rock
+    units: Mapping[str, str] = field(default_factory=dict)  # that numbers were given in, if known
+    effort: Effort = field(default_factory=Effort)
+    settings: Mapping[str, Any] = field(default_factory=dict)  # all that decides the answer
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene in the middle of the box: parts and names are those of every other one."""
+        with jax.ensure_compile_time_eval():  # it may be asked for while a program is traced
+            return self.design.scene(np.full(len(self.design.names), 0.5))
+
+    @property
+    def forces(self) -> tuple[str, ...]:
+        """The statistics that every design is told by: its leading one, and what shakes."""
+        return tuple(dict.fromkeys((self.scene.leading, "shaking_rms")))
+
+    @property
+    def rival(self) -> Objective:
+        """The force that the objective is traded against: the peak, or what it leaves aside.
+
+        A linkage that is no crusher trades what shakes against the peak force in its first loose
+        joint, and all else against what shakes.
+        """
+        if self.chamber is not None:
+            against = self.objective.outputs[0] in AGAINST_RMS
+            return OBJECTIVES["rms" if against else "peak"]
+        own = f"{self.scene.joints.names[0]}_force_peak"
+        shakes = "shaking_rms" in self.objective.outputs
+        return plain(own if shakes else "shaking_rms", self.scene.statistics)
+
+    @cached_property
+    def numbers(self) -> dict[str, Formula]:
+        """The numbers of an orbit that are differentiated: what is small, traded or limited."""
+        limited = {
+            one.statistic: plain(one.statistic, self.scene.statistics) for one in self.limits
+        }
+        objectives = {"objective": self.objective, self.rival.outputs[0]: self.rival, **limited}
+        found = {name: one.formula for name, one in objectives.items()}
+        return found if self.chamber is None else {**found, "capacity": _crushing}
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """The statistics of every table: the usual ones, those limited, and the rival's."""
+        limited = (limit.statistic for limit in self.limits)
+        named = (*self.scene.usual_statistics, *limited, *self.rival.outputs)
+        return tuple(dict.fromkeys(named))
+
+    @cached_property
+    def columns(self) -> dict[str, Column]:
+        """The columns of what is told of a motion that was integrated."""
+        scene, of = self.scene, self.objective
+        found = columns_of_row(scene.watched, scene.entries(self.told))
+        found |= columns_of(scene.statistics, of.outputs)
+        found["objective"] = Column(of.unit, of.meaning)
+        meaning = "may be chosen: succeeded, no whirl, inside the constraints"
+        found["counts"] = Column("1", meaning, bool)
+        return found | {name: COLUMNS[name] for name in ("steps", "state")}
+
+    def capacity(self, units: Float[np.ndarray, "*batch n"]) -> np.ndarray:
+        """Crushing capacity of points of the unit box, m3/h; NaN of what crushes nothing."""
+        if self.chamber is None:
+            return np.full(np.shape(units)[:-1], np.nan)
+        rows = np.reshape(units, (-1, len(self.design.names)))
+        # As many at once at any time: each number of rows would be a program of its own.
+        filled = np.resize(rows, (-(-len(rows) // AT_ONCE), AT_ONCE, rows.shape[1]))
+        found = [np.zeros(0), *(np.asarray(_capacities(self, part)) for part in filled)]
+        return np.concatenate(found)[: len(rows)].reshape(np.shape(units)[:-1])
+
+    def reaches(self, capacity: ArrayLike) -> np.ndarray:
+        """Tell whether capacities (m3/h) are at least the floor, but for rounding.
+
+        What crushes nothing has no floor to reach.
+        """
+        if self.chamber is None:
+            return np.ones(np.shape(capacity), bool)
+        return np.asarray(capacity) >= self.capacity_floor * (1 - 1e-12)
+
+    def chamber_of(self, described: Mapping[str, Any]) -> CrushingChamber | None:
+        """Return the chamber of a description, whose numbers may be traced.
+
+        The links decide its stroke.
+        """
+        return build_chamber(self.design.whole(described)) if self.links_free else self.chamber
+
+    def chamber_at(self, unit: Float[Array, " n"]) -> CrushingChamber | None:
+        """Return the chamber of a point of the unit box, which may be traced."""
+        return self.chamber_of(self.design.description(unit)) if self.links_free else self.chamber
+
+    @property
+    def links_free(self) -> bool:
+        """Whether the capacity at a speed depends on what is free, as by the stroke."""
+        if self.chamber is None:
+            return False
+        free, kept = {*self.design.names}, self.design.kept_stroke is not None
+        return "gravity" in free or (bool({*LINKS} & free) and not kept)
+
+    @property
+    def floor_bends(self) -> bool:
+        """Whether the capacity's floor is no corner of the box, but a constraint of its own."""
+        return self.links_free and self.capacity_floor > 0
+
+    @property
+    def constrained(self) -> bool:
+        """Whether there are constraints that are no bounds."""
+        return bool(self.limits) or self.floor_bends
+
+    @property
+    def slowest(self) -> float:
+        """The lowest driving speed, rad/s."""
+        if "speed" in self.design.bounds:
+            return self.design.bounds["speed"][0]
+        return float(self.design.whole(self.design.fixed)["speed"])
+
+    @property
+    def speeds(self) -> tuple[float, float] | None:
+        """The lowest and the highest speed that the capacity allows, rad/s; None without one."""
+        if self.chamber is None:
+            return None
+        highest = self.chamber.highest_speed(self.capacity_floor)
+        return float(self.chamber.lowest_speed()), float(highest)
+
+    @property
+    def upper(self) -> Float[np.ndarray, " n"]:
+        """The box's upper corner in the unit box: the capacity's floor may cut the speed short.
+
+        Where links are free the floor is no corner: designs below it do not count.
+        """
+        corner = np.ones(len(self.design.names))
+        cut = self.capacity_floor > 0 and not self.links_free
+        if "speed" in self.design.names and cut and self.speeds is not None:
+            i = self.design.names.index("speed")
+            low, high = self.design.bounds["speed"]
+            # By rounding a floor that is the capacity at the lowest speed may end below it.
+            corner[i] = np.clip((self.speeds[1] - low) / (high - low), 0.0, 1.0)
+        return corner
 
 
-def tell(problem: Problem, path: Path | None) -> None:
-    """Print on standard error what is unusual in a machine, and what its file leaves open."""
-    machine, free = problem.searched.machine, dict(problem.searched.reference)
-    for name in CounterweightMoment.inputs:
-        free.pop(name, None)
-    tell_about(replace(machine, given={**machine.given, **free}), path)
+def _crushing(_: Any, scene: Scene, chamber: CrushingChamber) -> Scalar:
+    """Crushing capacity at the scene's speed, m3/h."""
+    return chamber.capacity(scene.drive.speed)
 
 
-def _objective(name: str, searched: Searched) -> Objective:
-    """Return the objective of this name: a crusher's, a statistic as it is, or one of your own."""
-    scene = searched.scene
-    if ":" in name:
-        return own_objective(name)
-    known = {} if searched.chamber is None else OBJECTIVES
-    stands = scene.supports is not None or name not in OF_SUPPORTS
-    require(stands, "objective", "be another without foundation.mass", name)
-    if name not in scene.statistics:
-        require_choice("objective", name, tuple(known or scene.statistics))
-    found = known[name] if name in known else plain(name, scene.statistics)
-    if searched.chamber is not None and "sliding_power" in found.outputs:
-        main = scene.joints["main"]
-        rubs = main is not None and main.friction is not None
-        rubs |= "friction" in searched.design.bounds  # which may begin at zero
-        require(rubs, "objective", "be another without friction", name)
-    return found
+@eqx.filter_jit
+def _capacities(problem: Problem, units: Float[Array | np.ndarray, "points n"]) -> Array:
+    def capacity(unit: Array | np.ndarray) -> Scalar:
+        described = problem.design.whole(problem.design.description(unit))
+        chamber = problem.chamber_of(described)
+        assert chamber is not None
+        return chamber.capacity(described["speed"])
 
-
-def _crusher(options: Options) -> Searched:
-    """Return the crusher that is searched, and its box."""
-    described = _description(options)
-    machine = Machine(Crusher(), described)
-    free, written = _bounds(options, machine), written_bounds(options, machine)
-    _require_felt(options, described, {*written})
-    # A set keeps the stroke of the machine that it begins with.
-    kept_stroke = EqualStroke.of(described) if sets(options) else None
-    design = Design(free, machine, kept_stroke)
-    reference, compared_with = _reference(options, described, free)
-    # Sets lie about the machine's own numbers, other ranges anywhere.
-    lowest = reference | {name: low for name, (low, _) in written.items()}
-    corner = described | design.described(lowest)
-    with naming(options.scene, corner):
-        scene = build_scene(corner)
-    if "clearance" in free:
-        bore = described.get("bore_radius", PE250X400["bore_radius"])
-        require_clearance(free["clearance"][1], bore)
-    chamber, floor = build_chamber(described), options.capacity_floor
-    if floor is None:
-        # The greatest, which is that at the lowest speed of the box (25 rad/s in the paper), over
-        # the factor of affluence; m3/h.
-        slowest = free.get("speed", (described.get("speed", PE250X400["speed"]),))[0]
-        floor = float(chamber.capacity(slowest)) / AFFLUENCE
-    return Searched(machine, design, scene, chamber, floor, reference, compared_with)
-
-
-def _linkage(options: Options) -> Searched:
-    """Return the linkage of a scene file, with the numbers that lines `--design` free.
-
-    It is compared with the file's own numbers. Raises ValueError of one line for options of a
-    crusher, no line `--design`, a number that the file does not have, and ideal joints.
-    """
-    for name in _OF_A_CRUSHER:
-        value = getattr(options, name)
-        must = "not be given with a linkage, whose numbers --set and --design name"
-        require(value == getattr(Options, name), name, must, value)
-    must = "free a number of a linkage, as in --design joints.B.clearance 0.05mm 0.5mm"
-    require(len(options.design) > 0, "design", must, "missing")
-    found = read_machine(options.scene, options.overrides)
-    # The search tries both starts itself.
-    found = replace(found, given={n: v for n, v in found.given.items() if n != "start"})
-    values, scene, free = found.values, found.scene(), _bounds(options, found)
-    for name, (_, high) in free.items():
-        require(name in found.numbers, "design", "name numbers that the scene file gives", name)
-        found.replace(**{name: high})  # which refuses a number without what it comes with
-        joint, _, key = name.rpartition(".")
-        if key == "clearance":
-            require_clearance(high, values[f"{joint}.bore_radius"], f"{joint}.")
-    require(not scene.is_ideal, "scene", "have a joint with clearance", "ideal joints")
-    design = Design(free, found)
-    reference = {name: float(values.get(name, 0.0)) for name in free}
-    return Searched(found, design, scene, None, 0.0, reference, "scene file's choice")
-
-
-def _check_numbers(options: Options) -> None:
-    for name, value, least in (
-        ("cells", min(options.cells), 3),
-        ("grid", min(options.grid), 2),
-        ("samples", options.samples, 2),
-        ("settle", options.settle, 0),
-        ("turns", options.turns, 2),
-        ("steps", options.steps, 1),
-        ("refine", options.refine, 1),
-        ("runs", options.runs, 2),
-        ("seed", options.seed, 0),
-    ):
-        require(value >= least, name, f"be >= {least}", value)
-    balanced = options.samples & (options.samples - 1) == 0
-    require(balanced, "samples", "be a power of two, as Sobol's sequence asks", options.samples)
-    if options.within is not None:
-        require(options.within > 0, "within", "be > 0", options.within)
-    if options.friction is not None:
-        require_within("friction", options.friction, 0, 10)
-    if options.capacity_floor is not None:
-        finite = 0 <= options.capacity_floor < math.inf
-        require(finite, "capacity_floor", "be finite and >= 0 m3/h", options.capacity_floor)
-
-
-def _require_used(options: Options) -> None:
-    """ValueError for an option that another one makes idle, or a line `--design` of no kind."""
-    names = [key_of(name) for name, _, _ in ranges(options)]
-    require(len(set(names)) == len(names), "design", "name every parameter once", names)
-    words = sets(options)
-    for word in words:
-        require_choice("design", word, SETS)
-    many = bool(words) or len(names) > GRID_DIMENSIONS
-    line = "be a line --design {} LOW HIGH beside other ones"
-    grid = "not be given with more than two parameters, which --samples spreads"
-    for name, idle, must in (
-        ("speed", bool(options.design), line.format("speed")),
-        ("clearance", bool(options.design), line.format("clearance")),
-        ("cells", many, grid),
-        ("grid", many, grid),
-        ("within", many, "not be given with more than two parameters, of which nothing is bounded"),
-        ("samples", not many, "not be given with a grid; --cells and --grid are its points"),
-        ("friction", "friction" in names, "not be given where --design frees it"),
-        ("impact_velocity", "impact_velocity" in names, "not be given where --design frees it"),
-        ("slip", options.friction == 0, "not be given without friction"),
-    ):
-        value = getattr(options, name)
-        given = value != getattr(Options, name)
-        require(not (idle and given), name, must, value)
-
-
-def _require_felt(options: Options, described: dict[str, Any], free: set[str]) -> None:
-    """ValueError for an option, or a number of its own line `--design`, that no law uses."""
-    idle = _idle(described)
-    if described.get("friction") == 0 and "friction" not in free:
-        idle["slip"] = "friction=0"
-    for name, why in idle.items():
-        # The option chooses the law too.
-        option = None if why == "impact_law=tracked" else getattr(options, name, None)
-        given = name in free or option is not None
-        require(not given, name, f"not be given with `{why}`, which does not use it", "given")
-
-
-def _idle(described: Mapping[str, Any]) -> dict[str, str]:
-    """Return numbers that no law of a description uses, and because of which choice."""
-    names = "contact_law", "load_law", "impact_law"
-    law, idle = {name: described.get(name, PE250X400[name]) for name in names}, {}
-    if law["impact_law"] == "tracked":
-        idle["impact_velocity"] = "impact_law=tracked"
-    if law["contact_law"] == "rollers":
-        idle |= dict.fromkeys(OF_SLIDING, "contact_law=rollers")
-    if law["load_law"] in WITHOUT_LOAD:
-        idle["load"] = f"load_law={law['load_law']}"
-    return idle
-
-
-def _require_not_set(options: Options) -> None:
-    """ValueError for `--set` of a number that is free, or that another option gives.
-
-    The numbers of a set may be given: it frees them about their values.
-    """
-    taken = {key_of(name) for name, _, _ in ranges(options)}
-    given = ("slip", "friction", "load_law", "impact_velocity")
-    taken |= {name for name in given if getattr(options, name) is not None}
-    taken |= {"impact_law"} if options.impact_velocity is not None else set()
-    for name, _ in options.overrides:
-        repeated = key_of(name) in taken
-        require(not repeated, "set", "not repeat what another option gives", name)
-        must = "give the counterweight by mass and angle: its moment can only be free"
-        require(key_of(name) not in CounterweightMoment.inputs, "set", must, name)
-
-
-def _bounds(options: Options, machine: Machine) -> Bounds:
-    """Return the free parameters with their bounds; single ones go before those of sets.
-
-    Of sets those are left out that no law uses.
-    """
-    found, idle = Bounds(), _idle(machine.given)
-    for word in sets(options):
-        found |= SETS_OF[type(machine.structure)](word, machine)
-    left = {name: one for name, one in found.items() if name not in idle}
-    return left | written_bounds(options, machine)
-
-
-def _description(options: Options) -> dict[str, Any]:
-    """The crusher's other numbers and choices: the scene file's, then the options'."""
-    choices = (("slip", options.slip), ("load_law", options.load_law))
-    given = [(name, choice) for name, choice in choices if choice is not None]
-    values: dict[str, Any] = read_scene_file(options.scene, (*options.overrides, *given))
-    if options.friction is not None:
-        values["friction"] = options.friction
-    if options.impact_velocity == "tracked":
-        values["impact_law"] = "tracked"
-    elif options.impact_velocity is not None:
-        velocity = read_text("impact_velocity", options.impact_velocity)
-        values |= {"impact_law": "constant", "impact_velocity": velocity}
-    require(values.get("joint") != "ideal", "scene", "have a joint with clearance", "ideal")
-    rough = "load_scatter" in {*values, *(name for name, _, _ in ranges(options))}
-    expected = options.objective == "expected_rms"
-    must = "come with the objective expected_rms, as motions of others repeat"
-    given = f"given with {options.objective or 'rms'}"
-    require(expected or not rough, "load_scatter", must, given)
-    require(rough or not expected, "objective", "be another without load_scatter", "expected_rms")
-    # The search tries both starts itself.
-    values.pop("start", None)
-    return values
-
-
-def _reference(
-    options: Options, described: dict[str, Any], free: Bounds
-) -> tuple[dict[str, float], str]:
-    """Return the design to compare with, and what it is called.
-
-    It is the paper's choice, or that of the scene file. A joint that is ideal there is loose in
-    every design of the box, and has the default clearance. A speed or clearance that is not free
-    may be another than the paper's choice, and is told.
-    """
-    base, title = {**PE250X400, **described}, "scene file's choice"
-    base |= CounterweightMoment().of(base)
-    known = Crusher().numbers(described)
-    assumed = {name: known[name].default for name in free if name not in base}
-    others = {}
-    if options.scene is None:
-        choice = {"speed": SEED_SPEED, "clearance": SEED_CLEARANCE}
-        kept = {name: base[name] for name in choice if name not in free}
-        others = {name: value for name, value in kept.items() if value != choice[name]}
-        base, title = base | choice, "paper's choice"
-    values = {name: float((base | assumed)[name]) for name in free}
-    told = [
-        f"{in_words(name)} {readable(name, value, known)}"
-        for name, value in (others | assumed).items()
-    ]
-    return values, f"{title} with {' and '.join(told)}" if told else title
+    return jax.vmap(capacity)(units)

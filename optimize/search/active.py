@@ -5,10 +5,9 @@ import scipy.optimize
 from jaxtyping import Float
 
 from optimize.answer import Active, Confirmed
-from optimize.ask.case import Case
 from optimize.ask.limits import OF_ORBIT
-from optimize.search import smooth
-from optimize.search.orbits import widths
+from optimize.ask.problem import Problem
+from optimize.search.orbits import values_and_slopes, widths
 
 # A coordinate of the unit box this near its end is at it: rounding.
 AT_LIMIT = 1e-12
@@ -16,7 +15,9 @@ AT_LIMIT = 1e-12
 AT_FLOOR = 1e-8
 
 
-def active_constraints(case: Case, best: Confirmed) -> tuple[tuple[Active, ...], dict[str, float]]:
+def active_constraints(
+    problem: Problem, best: Confirmed
+) -> tuple[tuple[Active, ...], dict[str, float]]:
     """Return the active constraints with their multipliers, and the slopes that remain.
 
     A multiplier is by how much the objective would fall per unit. The slopes, per unit of each
@@ -25,12 +26,12 @@ def active_constraints(case: Case, best: Confirmed) -> tuple[tuple[Active, ...],
     """
     if best.orbit is None:
         return (), {}
-    at, names = case.design.unit(best.values), case.design.names
-    width = widths(case)
+    at, names = problem.design.unit(best.values), problem.design.names
+    width = widths(problem)
     slopes = np.array([best.orbit.slopes[name] for name in names]) * width
-    lowest, highest = at <= AT_LIMIT, at >= case.upper - AT_LIMIT
+    lowest, highest = at <= AT_LIMIT, at >= problem.upper - AT_LIMIT
     free, found = ~(lowest | highest), []
-    standing = _standing(case, best, at)
+    standing = _standing(problem, best, at)
     if standing:
         # The multipliers that leave the free slopes nearest to zero, none of them negative.
         normals = np.stack([normal for _, _, normal, _ in standing], axis=1)
@@ -45,7 +46,7 @@ def active_constraints(case: Case, best: Confirmed) -> tuple[tuple[Active, ...],
             for (name, end, _, unit), multiplier in zip(standing, multipliers, strict=True)
         ]
     slopes = slopes / width
-    for i, (name, top) in enumerate(zip(names, case.upper, strict=True)):
+    for i, (name, top) in enumerate(zip(names, problem.upper, strict=True)):
         if lowest[i] and slopes[i] > 0:
             found.append(Active(name, "lowest", float(slopes[i])))
         elif highest[i] and slopes[i] < 0:
@@ -56,18 +57,21 @@ def active_constraints(case: Case, best: Confirmed) -> tuple[tuple[Active, ...],
 
 
 def _standing(
-    case: Case, best: Confirmed, at: Float[np.ndarray, " n"]
+    problem: Problem, best: Confirmed, at: Float[np.ndarray, " n"]
 ) -> list[tuple[str, str, Float[np.ndarray, " n"], str]]:
     """Return what stands at its floor or limit, at which end, its slope inwards, and its unit.
 
     Slopes are by the axes of the unit box.
     """
-    found = []
-    highest, crushing = case.capacity_floor * (1 + AT_FLOOR), best.crushing
-    if case.links_free and crushing is not None and crushing.capacity <= highest:
-        found.append(("capacity", "lowest", case.capacity_slope(at), "m3/h"))
-    for limit in case.limits:
-        value, slope = smooth.limited(case, limit)(at)
+    highest, crushing = problem.capacity_floor * (1 + AT_FLOOR), best.crushing
+    floor = problem.links_free and crushing is not None and crushing.capacity <= highest
+    if not floor and not problem.limits:
+        return []
+    found, numbers = [], values_and_slopes(problem, at)
+    if floor:
+        found.append(("capacity", "lowest", numbers["capacity"][1], "m3/h"))
+    for limit in problem.limits:
+        value, slope = numbers[limit.statistic]
         if value >= limit.most * (1 - OF_ORBIT):
             found.append((limit.statistic, "highest", -slope, limit.unit))
     return found

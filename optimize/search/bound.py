@@ -5,21 +5,21 @@ is asked, is halved, and its new corners are solved for. Points without a stable
 waited for only if their runs do not keep them above the optimum.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, Context
 
 import numpy as np
 import scipy.spatial
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from jaxcrusher.dynamics.many_orbits import alone
-from optimize.answer import Bound, Confirmed, OpenPoint
-from optimize.ask.case import Case
+from optimize.answer import Bound, Confirmed, Maps, OpenPoint
+from optimize.ask.design import GRID_DIMENSIONS
+from optimize.ask.problem import Problem
 from optimize.search.cells import ROUGHER, Cells, beside
 from optimize.search.confirm import Repeats, interval, long_runs
 from optimize.search.evaluate import NOWHERE, Rows, Tracking
-from optimize.search.landscape import GRID_DIMENSIONS, Maps, counting
+from optimize.search.landscape import counting
 from optimize.search.orbits import solve, widths
 from optimize.tell.forces import quantity
 
@@ -37,19 +37,18 @@ SAME = 1e-9
 class Points:
     """Points of the unit box, and what is known of the motions there.
 
-    `runs` are those that points without a stable orbit get first, and those that they get where
-    the first may leave them below the optimum.
+    `runs` are those that points without a stable orbit get.
     """
 
     def __init__(
         self,
-        case: Case,
+        problem: Problem,
         units: Float[np.ndarray, "points n"],
         rows: Rows,
-        runs: tuple[Repeats, Repeats],
+        runs: Repeats,
         tracking: Tracking = NOWHERE,
     ) -> None:
-        self.case, self._runs, self._tracking = case, runs, Tracking(journal=tracking.journal)
+        self.problem, self._runs, self._tracking = problem, runs, Tracking(journal=tracking.journal)
         self._told = tracking.progress
         self.begun, self.units = len(units), np.zeros((0, units.shape[1]))
         self.values, self.least, self.slopes = np.zeros(0), np.zeros(0), np.zeros(units.shape)[:0]
@@ -68,31 +67,33 @@ class Points:
         nothing = np.full(len(units), np.nan)
         self.values, self.least = (np.append(old, nothing) for old in (self.values, self.least))
         self.slopes = np.concatenate([self.slopes, np.full(units.shape, np.nan)])
-        self._put(which, rows, self._runs[0])
+        left = self._put(which, rows)
+        if left.any() and len(self.open) + left.sum() <= MOST_OPEN:
+            self._run(which[left], {name: column[left] for name, column in rows.items()})
 
-    def _put(self, which: Int[np.ndarray, " some"], rows: Rows, repeats: Repeats) -> None:
-        """Take values and slopes from rows, and run the points that have no stable orbit.
+    def _put(self, which: Int[np.ndarray, " some"], rows: Rows) -> Bool[np.ndarray, " some"]:
+        """Take values and slopes from rows, and return which have no stable orbit.
 
         Nothing is known of a point that breaks a constraint, and no run is needed (infinite) where
         an orbit counts.
         """
         stable, counts = (np.asarray(rows[name], bool) for name in ("stable", "counts"))
-        open_ = ~stable & self.case.reaches(self.case.capacity(self.units[which]))
+        open_ = ~stable & self.problem.reaches(self.problem.capacity(self.units[which]))
         known = np.asarray(rows["success"], bool) & (counts | open_)
         self.values[which] = np.where(known, rows["objective"], np.nan)
-        self.slopes[which] = np.where(known[:, None], rows["slope"] * widths(self.case), np.nan)
-        self.least[which] = np.where(counts, np.inf, np.nan)
+        self.slopes[which] = np.where(known[:, None], rows["slope"] * widths(self.problem), np.nan)
+        self.least[which] = np.where(counts, np.inf, self.least[which])
         for place in which[counts].tolist():
             self.open.pop(place, None)
-        left = which[open_]
-        if not len(left) or len({*self.open, *left.tolist()}) > MOST_OPEN:
-            return
-        runs = long_runs(self.case, self.units[left], repeats, self._tracking)
-        for place, row, i in zip(left.tolist(), runs, np.flatnonzero(open_), strict=True):
-            said = {name: column[i] for name, column in rows.items()}
-            least = _least(row["objective"], self.case.objective.lowest)
-            values = self.case.design.numbers(self.units[place])
-            self.open[place] = OpenPoint(values, _motion(said), least, place)
+        return open_
+
+    def _run(self, which: Int[np.ndarray, " some"], rows: Rows) -> None:
+        """Let runs from both starts speak for points."""
+        runs = long_runs(self.problem, self.units[which], self._runs, self._tracking)
+        for i, (place, row) in enumerate(zip(which.tolist(), runs, strict=True)):
+            least = _least(row["objective"], self.problem.objective.lowest)
+            values = self.problem.design.numbers(self.units[place])
+            self.open[place] = OpenPoint(values, _motion(rows, i), least, place)
             self.least[place] = least
 
     def at(self, cells: Cells) -> Int[np.ndarray, "cells corners"]:
@@ -102,16 +103,19 @@ class Points:
         apart, at = scipy.spatial.KDTree(self.units).query(places)
         if (apart > SAME).any():
             new = np.unique(np.round(places[apart > SAME], 12), axis=0)
-            self.add(new, solve(self.case, new, quick=True, tracking=self._tracking))
+            self.add(new, solve(self.problem, new, quick=True, tracking=self._tracking))
             self._told(len(self) - self.begun, MOST)
             at = scipy.spatial.KDTree(self.units).query(places)[1]
         return np.reshape(at, corners.shape[:2])
 
     def wait(self, which: Int[np.ndarray, " some"]) -> None:
-        """Wait for the orbits of points for as long as it takes, and run what has none for long."""
+        """Wait for the orbits of points for as long as it takes, and name what has none."""
         self.waited |= {*which.tolist()}
-        rows = solve(self.case, self.units[which], alone, tracking=self._tracking)
-        self._put(which, rows, self._runs[1])
+        rows = solve(self.problem, self.units[which], alone, tracking=self._tracking)
+        self._put(which, rows)
+        for i, place in enumerate(which.tolist()):
+            if place in self.open:
+                self.open[place] = replace(self.open[place], motion=_motion(rows, i))
 
     def lowest(
         self, cells: Cells, at: Int[np.ndarray, "cells corners"]
@@ -137,8 +141,9 @@ def _least(objective: Float[np.ndarray, "starts runs"], lowest: float) -> float:
     return float(np.maximum(np.min(ends), lowest))
 
 
-def _motion(said: Mapping[str, object]) -> str:
+def _motion(rows: Rows, i: int) -> str:
     """Say why a point has no stable orbit and, where it was waited for, what the motion is."""
+    said = {name: column[i] for name, column in rows.items()}
     verdict = "is not known to be stable" if said["undecided"] else "is unstable"
     why = said["failure"] or (
         f"The orbit of one turn {verdict}: its largest multiplier is "
@@ -167,7 +172,7 @@ def refined(points: Points, cells: Cells, best: Confirmed, within: float) -> Ref
 
     Those about it are then halved until second derivatives are no larger than they were assumed.
     """
-    place, floor = points.case.design.unit(best.values), best.objective - within
+    place, floor = points.problem.design.unit(best.values), best.objective - within
     assumed = np.zeros(0)
     while True:
         at = points.at(cells)
@@ -205,7 +210,7 @@ def optimality_bound(found: Refined, best: Confirmed) -> Bound:
     """
     points, at, rougher = found.points, found.at, found.rougher
     orbits, motions, hidden = points.lowest(found.cells, at)
-    unit, count = points.case.objective.unit, len(points)
+    unit, count = points.problem.objective.unit, len(points)
     gain = float(np.nanmin(points.values[points.least == np.inf])) - best.objective
     unsaid = len(np.unique(at[np.isnan(motions)]))
     if np.isnan(motions).all():
@@ -218,8 +223,8 @@ def optimality_bound(found: Refined, best: Confirmed) -> Bound:
     # Of a cell whose corners lie above the optimum they hide more than it may hold below it.
     hides = float(hidden[np.nanargmin(np.fmin.reduce(orbits, axis=1))])
     curvature = min(of_orbits, hides)
-    case = points.case
-    keeps = " that keeps the constraints" * bool(case.limits or case.inside_model)
+    problem = points.problem
+    keeps = " that keeps the constraints" * bool(problem.limits or problem.inside_model)
     statement = (
         f"No other periodic orbit of the box{keeps} is more than {_at_most(of_orbits, unit)} "
         f"below the optimum, of which {_at_most(curvature, unit)} are what second derivatives can "
@@ -248,7 +253,7 @@ def optimality_bound(found: Refined, best: Confirmed) -> Bound:
     return Bound(within, curvature, unsaid, gain, statement, by_runs)
 
 
-def unbounded(case: Case, maps: Maps, best: Confirmed) -> Bound | None:
+def unbounded(problem: Problem, maps: Maps, best: Confirmed) -> Bound | None:
     """Return what stands for a bound where none can be computed, or None."""
     mapped = maps.orbits
     if mapped is None or not mapped.counts.any():
@@ -269,12 +274,12 @@ def unbounded(case: Case, maps: Maps, best: Confirmed) -> Bound | None:
         least = np.fmin.reduce(values, initial=np.inf)
         gain = float(least) - best.objective if np.isfinite(least) else 0.0
         return Bound(None, None, int((~mapped.counts).sum()), gain, statement)
-    if len(case.design.names) <= GRID_DIMENSIONS:
+    if len(problem.design.names) <= GRID_DIMENSIONS:
         return None
     statement = (
         f"The best of {mapped.counts.size} points of a Sobol sequence and of the descents from "
-        f"them, known to {best.half_width:.2g} {case.objective.unit}; nothing is said of what lies "
-        "between."
+        f"them, known to {best.half_width:.2g} {problem.objective.unit}; nothing is said of what "
+        "lies between."
     )
     gain = float(mapped.objective.where(mapped.counts).min()) - best.objective
     return Bound(None, None, int((~mapped.counts).sum()), gain, statement)

@@ -15,13 +15,17 @@ from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.statistics import limits_of
 from optimize.answer import Confirmed, Crushing, Orbit, Runs
-from optimize.ask.case import Case
 from optimize.ask.constraints import end_well, keeps
 from optimize.ask.limits import OF_ORBIT
+from optimize.ask.options import Effort
+from optimize.ask.problem import Problem
 from optimize.search import orbits
 from optimize.search.evaluate import NOWHERE, STARTS, Rows, Tracking, Window, evaluate
 
 CONFIDENCE = 0.95
+# Runs that a design is judged by last so many times longer than the landscape's, and are integrated
+# to this tolerance, in clearances.
+LONGER, CONFIRM_RTOL = 3, 1e-8
 # Starts of independent runs are shifted at random by up to this many clearances: a swing or a
 # chaotic motion forgets it, a periodic one comes back to itself.
 SHIFT = 0.05
@@ -31,6 +35,11 @@ def interval(values: Float[np.ndarray, " runs"]) -> tuple[float, float]:
     """Return the mean of independent runs and half of its 95 % confidence interval."""
     quantile = float(stdtrit(len(values) - 1, (1 + CONFIDENCE) / 2))
     return float(values.mean()), quantile * float(values.std(ddof=1)) / len(values) ** 0.5
+
+
+def long_window(effort: Effort) -> Window:
+    """Return the turns and the tolerance of the runs that a design is judged by."""
+    return Window(LONGER * effort.settle, LONGER * effort.turns, CONFIRM_RTOL)
 
 
 @dataclass(frozen=True)
@@ -43,7 +52,7 @@ class Repeats:
 
 
 def long_runs(
-    case: Case, units: np.ndarray, repeats: Repeats, tracking: Tracking = NOWHERE
+    problem: Problem, units: np.ndarray, repeats: Repeats, tracking: Tracking = NOWHERE
 ) -> list[Rows]:
     """Run points (m, n) of the unit box for long, several times from each start.
 
@@ -55,7 +64,7 @@ def long_runs(
     shifts[:, 0] = 0
     points = np.repeat(units, runs, axis=0)
     moves = shifts.reshape(-1, 2)
-    whole = evaluate(case, points, repeats.window, tracking, shifts=moves, chunk=64)
+    whole = evaluate(problem, points, repeats.window, tracking, shifts=moves, chunk=64)
     grouped = {
         name: values.reshape(len(STARTS), len(units), runs, *values.shape[2:])
         for name, values in whole.items()
@@ -64,13 +73,13 @@ def long_runs(
 
 
 def confirmed(
-    case: Case, unit: Float[np.ndarray, " n"], rows: Rows, orbit: Orbit | None
+    problem: Problem, unit: Float[np.ndarray, " n"], rows: Rows, orbit: Orbit | None
 ) -> Confirmed:
     """Return a point of the unit box with its long runs and its orbit, and its objective."""
-    values = case.design.numbers(unit)
-    given = case.design.described(values)
-    described = case.design.whole(given)
-    scene = case.design.build(given)
+    values = problem.design.numbers(unit)
+    given = problem.design.described(values)
+    described = problem.design.whole(given)
+    scene = problem.design.build(given)
     intervals = [interval(numbers) for numbers in rows["objective"]]
     runs, judged = {}, []
     for i, (start, numbers) in enumerate(zip(STARTS, intervals, strict=True)):
@@ -81,21 +90,21 @@ def confirmed(
         settles = orbit is not None and orbit.stable and _in_contact(by_run)
         runs[start] = Runs(*numbers, validity, state, by_run, settles)
         if orbit is not None and settles:
-            error = orbits.error(case, orbit.solution, orbit.objective)
+            error = orbits.error(problem, orbit.solution, orbit.objective)
             judged.append((orbit.objective, error))
         else:
             judged.append(numbers)
     worse = int(np.argmax([mean for mean, _ in judged]))
     objective, half_width = judged[worse]
     worst = runs[STARTS[worse]]
-    forces = {name: float(worst.by_run[name].mean()) for name in case.forces}
+    forces = {name: float(worst.by_run[name].mean()) for name in problem.forces}
     # On its way to an orbit that keeps the constraints a run may break them.
-    kept = orbit is not None and bool(keeps(case, orbit.solution, OF_ORBIT))
-    counts = bool(case.reaches(case.capacity(unit)))
+    kept = orbit is not None and bool(keeps(problem, orbit.solution, OF_ORBIT))
+    counts = bool(problem.reaches(problem.capacity(unit)))
     for start, of_start, well in zip(STARTS, rows["counts"], end_well(rows), strict=True):
         counts &= bool((well & kept if runs[start].settles else of_start).all())
     if orbit is not None and worst.settles:
-        forces = {name: float(orbit.solution[name]) for name in case.forces}
+        forces = {name: float(orbit.solution[name]) for name in problem.forces}
     return Confirmed(
         values,
         objective if counts else float("nan"),
@@ -104,17 +113,17 @@ def confirmed(
         float(described["speed"]),
         forces,
         float(jc.periodic_orbit(scene.ideal())[scene.leading]),
-        _crushing(case, scene, unit),
+        _crushing(problem, scene, unit),
         orbit,
         runs,
-        follows={name: float(described[name]) for name in case.design.following},
+        follows={name: float(described[name]) for name in problem.design.following},
     )
 
 
-def _crushing(case: Case, scene: Scene, unit: np.ndarray) -> Crushing | None:
-    if case.chamber is None:
+def _crushing(problem: Problem, scene: Scene, unit: np.ndarray) -> Crushing | None:
+    if problem.chamber is None:
         return None
-    sizes = scene.joints.values[0].clearance, case.capacity(unit)
+    sizes = scene.joints.values[0].clearance, problem.capacity(unit)
     return Crushing(*(float(one) for one in (*sizes, *_strokes(scene.linkage))))
 
 

@@ -1,12 +1,19 @@
-"""The local stage: exact gradients on periodic orbits, fits where there are none."""
+"""The local stage: exact gradients on periodic orbits, fits where there are none.
+
+Many starts go down in lock-step, so that each round is one batch on all cores.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+import optax
 import scipy.optimize
-from jaxtyping import Float
+from jaxtyping import Array, Bool, Float, PyTree
 
 # A step of the trust region must gain this many standard errors.
 SIGNIFICANT = 2.0
@@ -17,10 +24,22 @@ STATIONARY = 1e-9
 EXACT = {"gtol": STATIONARY, "ftol": 0.0}
 # With a constraint it ends where a step gains less than this share of the value.
 SETTLED = 1e-14
+# In lock-step a step gains at least this share of what its slope promises, or the next is a quarter
+# as long. One that leaves more than half of the slope along it is followed by one ten times as long
+# as it was, any other by the whole step of L-BFGS.
+GAIN, SHORTER, STEEP, LONGER = 1e-4, 0.25, 0.5, 10.0
+# The first step is no longer than half of the box, and steps below rounding end a descent.
+FIRST_STEP, NO_STEP = 0.5, 1e-12
+# Ends of descents that lie nearer to each other, in shares of the box, are of one minimum.
+APART = 1e-2
+# Of a value of one rounding leaves so much.
+ROUNDING = 1e-15
+OPTIMISER = optax.scale_by_lbfgs(memory_size=10)
 
-Objective = Callable[[np.ndarray, np.ndarray], np.ndarray]
-# Value and gradient at a point of the unit box.
-Smooth = Callable[[np.ndarray], tuple[float, np.ndarray]]
+# Values (m,) at points (m, n) from the starts of these numbers (m,).
+Noisy = Callable[[np.ndarray, np.ndarray], np.ndarray]
+# Values (*batch) and gradients (*batch, n) at points (*batch, n) of the unit box.
+Smooth = Callable[[np.ndarray], tuple[Any, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -32,6 +51,120 @@ class Descent:
     last: float
     gradient: np.ndarray
     evaluations: int
+
+
+def above(number: Smooth, least: float) -> Smooth:
+    """Return by how much a number is above its least, as a share of that."""
+
+    def spare(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        value, slope = number(points)
+        return (value - least) / abs(least), slope / abs(least)
+
+    return spare
+
+
+def negative(number: Smooth) -> Smooth:
+    """Return the negative of a number, which is to be large."""
+
+    def function(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        value, slope = number(points)
+        return -value, -slope
+
+    return function
+
+
+def descend_together(
+    function: Smooth,
+    starts: Float[np.ndarray, "starts n"],
+    upper: Float[np.ndarray, " n"],
+    rounds: int,
+    progress: Callable[[int, int], None] = lambda done, of: None,
+) -> list[Descent]:
+    """Go down from many starts in lock-step, inside the box from 0 to `upper`.
+
+    Each round asks for one point of each descent that has not ended, all in one batch. Directions
+    are those of optax's L-BFGS without what pushes against a bound; steps are cut off at the box. A
+    NaN is a step that fails. `progress` is told how many have ended, of all.
+    """
+    tops, count = np.broadcast_to(upper, starts.shape), len(starts)
+    points = np.clip(starts, 0, tops)
+    values, slopes = (np.array(one) for one in function(points))
+    first, scales = values.copy(), np.where(values == 0, 1.0, np.abs(values))[:, None]
+    memory = jax.jit(jax.vmap(OPTIMISER.init))(points)
+    known = ways, _, left = jax.tree.map(
+        np.array, _directions(slopes / scales, memory, points, tops)
+    )
+    lengths = np.minimum(1.0, FIRST_STEP / np.maximum(np.abs(ways).max(axis=1), 1e-300))
+    ended, asked = ~np.isfinite(values), np.ones(count, int)
+    paths = [[point.copy()] for point in points]
+    for _ in range(rounds):
+        ended |= left < STATIONARY
+        progress(int(ended.sum()), count)
+        going = np.flatnonzero(~ended)
+        if not len(going):
+            break
+        trials = np.clip(points + lengths[:, None] * ways, 0, tops)[going]
+        there, rises = function(trials)
+        asked[going] += 1
+        steps = trials - points[going]
+        promised = np.sum(slopes[going] * steps, axis=1)
+        rounding = ROUNDING * np.abs(values[going])
+        lower = there <= values[going] + GAIN * promised + rounding  # which NaN is not
+        ended[going] |= ~lower & (np.abs(steps).max(axis=1) < NO_STEP)
+        steep, moved = np.zeros(count, bool), np.zeros(count, bool)
+        steep[going] = np.sum(rises * steps, axis=1) < STEEP * promised
+        new = going[lower]
+        moved[new] = True
+        points[new], values[new], slopes[new] = trials[lower], there[lower], rises[lower]
+        for i in new.tolist():
+            paths[i].append(points[i].copy())
+        # Only what has moved learns from it.
+        found = _directions(slopes / scales, known[1], points, tops)
+        known = ways, _, left = jax.tree.map(partial(_where, moved), found, known)
+        lengths = np.where(moved, np.where(steep, LONGER * lengths, 1.0), SHORTER * lengths)
+    return [
+        Descent(np.stack(path), float(begun), float(value), slope, int(number))
+        for path, begun, value, slope, number in zip(
+            paths, first, values, slopes, asked, strict=True
+        )
+    ]
+
+
+def _where(which: Bool[np.ndarray, " starts"], new: Array, old: Array) -> np.ndarray:
+    return np.where(which.reshape(-1, *(1,) * (new.ndim - 1)), new, old)
+
+
+@jax.jit
+def _directions(
+    slopes: Float[Array, "starts n"], memory: PyTree, points: Float[Array, "starts n"], upper: Array
+) -> tuple[Float[Array, "starts n"], PyTree, Float[Array, " starts"]]:
+    """Return directions downhill, what the next ones remember, and projected gradients."""
+    held = ((points <= 0) & (slopes > 0)) | ((points >= upper) & (slopes < 0))
+    free = jnp.where(held, 0.0, slopes)
+    # Differences of slopes along what is free now, and none where they do not rise.
+    places = jnp.where(held, points, memory.params)
+    before = jnp.where(held, 0.0, memory.updates)
+    rises = jnp.sum((free - before) * (points - places), axis=1, keepdims=True) > 0
+    memory = memory._replace(
+        params=jnp.where(rises, places, points), updates=jnp.where(rises, before, free)
+    )
+    with jax.numpy_dtype_promotion("standard"):  # optax mixes types
+        steps, memory = jax.vmap(OPTIMISER.update)(free, memory, points)
+    memory = memory._replace(updates=slopes)
+    ways = jnp.where(held, 0.0, -jnp.asarray(steps))
+    uphill = jnp.sum(ways * free, axis=1, keepdims=True) >= 0
+    ends = optax.projections.projection_box(points - free, 0.0, upper)
+    return jnp.where(uphill, -free, ways), memory, jnp.max(jnp.abs(ends - points), axis=1)
+
+
+def apart(descents: Sequence[Descent]) -> list[Descent]:
+    """Return the descents whose ends lie `APART`, the best first; one without a value is none."""
+    found: list[Descent] = []
+    for one in sorted(descents, key=lambda one: one.last):
+        near = (np.abs(one.path[-1] - other.path[-1]).max() < APART for other in found)
+        if np.isfinite(one.last) and not any(near):
+            found.append(one)
+    return found
 
 
 def descend(
@@ -46,16 +179,14 @@ def descend(
     A NaN of `function` is a wall that the line search comes back from. A start without a value
     stays where it is. Where there are `spares`, each must end at least 0: SLSQP sees to that.
     """
-    seen: dict[bytes, tuple[float, np.ndarray]] = {}
-    known = once(function, seen)
     start = np.clip(start, 0, upper)
-    first, slope = known(start)
+    first, slope = function(start)
     if not np.isfinite(first):
-        return Descent(start[None], first, first, slope, 1)
+        return Descent(start[None], float(first), float(first), slope, 1)
     scale = abs(first) or 1.0
 
     def scaled(point: np.ndarray) -> tuple[float, np.ndarray]:
-        value, gradient = known(point)
+        value, gradient = function(point)
         if not np.isfinite(value):
             return 2 * first / scale + 1, np.zeros_like(point)
         return value / scale, gradient / scale
@@ -71,93 +202,96 @@ def descend(
         callback=lambda x: path.append(x.copy()),
         options={"maxiter": steps, **({"ftol": SETTLED} if spares else EXACT)},
     )
-    last, gradient = known(found.x)
-    return Descent(np.stack([*path, found.x]), first, last, gradient, len(seen))
-
-
-def once(number: Smooth, seen: dict[bytes, tuple[float, np.ndarray]]) -> Smooth:
-    """Return the number, computed once at each point and remembered in `seen`."""
-
-    def known(point: np.ndarray) -> tuple[float, np.ndarray]:
-        key = np.ascontiguousarray(point).tobytes()
-        if key not in seen:
-            seen[key] = number(point)
-        return seen[key]
-
-    return known
+    last, gradient = function(found.x)
+    return Descent(np.stack([*path, found.x]), float(first), float(last), gradient, found.nfev)
 
 
 def _constraint(spare: Smooth) -> dict[str, Any]:
-    known = once(spare, {})  # value and gradient are asked for one by one
     return {
         "type": "ineq",
-        "fun": lambda point: known(point)[0],
-        "jac": lambda point: known(point)[1],
+        "fun": lambda point: np.nan_to_num(spare(point)[0], nan=-1.0),  # broken, where nothing is
+        "jac": lambda point: spare(point)[1],
     }
 
 
 def descend_by_fits(
-    objective: Objective,
-    start: Float[np.ndarray, " n"],
+    objective: Noisy,
+    starts: Float[np.ndarray, "starts n"],
     *,
     pairs: int = 12,
     rounds: int = 12,
     seed: int = 0,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A trust region for an objective without a usable derivative, down to its noise.
+) -> list[Descent]:
+    """Trust regions in lock-step, of an objective without a usable derivative, down to its noise.
 
-    Each round fits a plane to runs at opposite points of a box about the centre, `pairs` of
-    them, both runs of a pair from one random start; takes the step that lowers the plane most
-    inside the box; and keeps it if the mean over as many common random starts falls by more than
-    two standard errors of the paired difference. Otherwise the box is halved.
+    Each round fits planes to runs at opposite points of a box about each centre, `pairs` of them,
+    both runs of a pair from one random start; takes the step that lowers a plane most inside its
+    box; and keeps it if the mean over as many common random starts falls by more than two standard
+    errors of the paired difference. Otherwise the box is halved. All centres of a round are asked
+    for together.
 
     `objective` maps points (m, n) and starts' numbers (m,) to values (m,); one that fails is NaN.
 
-    Returns the centres, shape (rounds + 1, n), their means and the standard errors, (rounds + 1,).
+    Paths are those of the centres, and values means over the common starts; slopes are not known.
     """
     rng = np.random.default_rng(seed)
-    centre, radius = np.asarray(start, dtype=float), FIRST_RADIUS
-    common = rng.integers(2**31, size=pairs)
+    centres = np.array(starts, dtype=float)
+    radii, common = np.full(len(centres), FIRST_RADIUS), rng.integers(2**31, size=pairs)
 
-    def sample(point: np.ndarray) -> np.ndarray:
-        return objective(np.tile(point, (pairs, 1)), common)
+    def sample(points: np.ndarray) -> np.ndarray:
+        found = objective(np.repeat(points, pairs, axis=0), np.tile(common, len(points)))
+        return found.reshape(len(points), pairs)
 
-    here = sample(centre)
-    path = [(centre, here)]
+    first = here = sample(centres)
+    paths, asked = [centres.copy()], np.full(len(centres), pairs)
     for _ in range(rounds):
-        if radius >= LAST_RADIUS and np.isfinite(here).all():
-            trial = _downhill(objective, centre, radius, pairs, rng)
-            if trial is not None and _gains(here - (there := sample(trial))):
-                centre, here = trial, there
-            else:
-                radius /= 2
-        path.append((centre, here))
-    centres = np.stack([point for point, _ in path])
-    values = np.stack([value for _, value in path])
-    return centres, values.mean(axis=1), values.std(axis=1, ddof=1) / np.sqrt(pairs)
+        offsets = rng.uniform(-1, 1, (pairs, centres.shape[1]))
+        numbers = rng.integers(2**31, size=pairs)
+        going = np.flatnonzero((radii >= LAST_RADIUS) & np.isfinite(here).all(axis=1))
+        if not len(going):
+            break
+        trials = _downhill(objective, centres[going], radii[going], offsets, numbers)
+        asked[going] += 2 * pairs
+        led = np.isfinite(trials).all(axis=1)
+        tried, better = going[led], np.zeros(len(centres), bool)
+        if len(tried):
+            there = sample(trials[led])
+            asked[tried] += pairs
+            gains = _gains(here[tried] - there)
+            better[tried[gains]] = True
+            centres, here = centres.copy(), here.copy()
+            centres[better], here[better] = trials[led][gains], there[gains]
+        radii[going] = np.where(better[going], 1.0, 0.5) * radii[going]
+        paths.append(centres.copy())
+    ends = zip(np.stack(paths, axis=1), first, here, asked, strict=True)
+    return [
+        Descent(path, float(one.mean()), float(last.mean()), np.full(path.shape[1], np.nan), int(n))
+        for path, one, last, n in ends
+    ]
 
 
-def _gains(gain: Float[np.ndarray, " pairs"]) -> bool:
+def _gains(gains: Float[np.ndarray, "starts pairs"]) -> Bool[np.ndarray, " starts"]:
     """Tell whether paired differences are numbers, and their mean is significantly above zero."""
-    error = gain.std(ddof=1) / np.sqrt(len(gain))
-    return bool(np.isfinite(gain).all() and gain.mean() > SIGNIFICANT * error)
+    errors = gains.std(axis=1, ddof=1) / np.sqrt(gains.shape[1])
+    return np.isfinite(gains).all(axis=1) & (gains.mean(axis=1) > SIGNIFICANT * errors)
 
 
 def _downhill(
-    objective: Objective,
-    centre: Float[np.ndarray, " n"],
-    radius: float,
-    pairs: int,
-    rng: np.random.Generator,
-) -> Float[np.ndarray, " n"] | None:
-    """Down a plane fitted to runs at opposite points, to the box's edge; None if too many fail."""
-    offsets = rng.uniform(-1, 1, (pairs, len(centre)))
-    numbers = rng.integers(2**31, size=pairs)
-    high = np.clip(centre + radius * offsets, 0, 1)
-    low = np.clip(centre - radius * offsets, 0, 1)
-    rise = objective(high, numbers) - objective(low, numbers)
-    good = np.isfinite(rise)
-    if good.sum() <= len(centre):
-        return None
-    slope, *_ = np.linalg.lstsq((high - low)[good], rise[good], rcond=None)
-    return np.clip(centre - radius * slope / max(np.abs(slope).max(), 1e-300), 0, 1)
+    objective: Noisy,
+    centres: Float[np.ndarray, "starts n"],
+    radii: Float[np.ndarray, " starts"],
+    offsets: Float[np.ndarray, "pairs n"],
+    numbers: np.ndarray,
+) -> Float[np.ndarray, "starts n"]:
+    """Down planes fitted to runs at opposite points, to the box's edge; NaN if too many fail."""
+    sizes = radii[:, None, None] * offsets
+    ends = np.clip(centres[:, None] + np.stack([sizes, -sizes]), 0, 1)
+    repeated = np.tile(numbers, 2 * len(centres))
+    high, low = objective(ends.reshape(-1, ends.shape[-1]), repeated).reshape(ends.shape[:-1])
+    found = np.full(centres.shape, np.nan)
+    for i, (rise, apart) in enumerate(zip(high - low, ends[0] - ends[1], strict=True)):
+        good = np.isfinite(rise)
+        if good.sum() > centres.shape[1]:
+            slope, *_ = np.linalg.lstsq(apart[good], rise[good], rcond=None)
+            found[i] = centres[i] - radii[i] * slope / max(np.abs(slope).max(), 1e-300)
+    return np.clip(found, 0, 1)

@@ -17,10 +17,10 @@ from jaxcrusher.batch.sweep import row_of
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import shifted_start
-from optimize.ask import constraints as counts
-from optimize.ask.case import Case
+from optimize.ask import constraints
 from optimize.ask.design import Design
 from optimize.ask.limits import Found
+from optimize.ask.problem import Problem
 
 # A machine may start either way: with its pin centred in the bore (hard impacts), and resting in
 # contact (quiet).
@@ -51,7 +51,7 @@ class Window:
 
 
 def evaluate(
-    case: Case,
+    problem: Problem,
     units: Float[np.ndarray, "points n"],
     window: Window,
     tracking: Tracking = NOWHERE,
@@ -64,20 +64,20 @@ def evaluate(
     `shifts` moves the starts by so many clearances, and `chunk` is how many motions are integrated
     between two reports of progress, on a GPU more. Rows have the shape (starts, points): the
     columns of `jaxcrusher.sweep`, `objective` in its unit, the number of `steps`, `counts`, whether
-    the design may be chosen (see `counts.of_runs`), and the `state` at the end,
+    the design may be chosen (see `constraints.of_runs`), and the `state` at the end,
     (starts, points, dims), to go on from.
     """
     moves = np.zeros((len(units), 2)) if shifts is None else shifts
     points = jnp.asarray(units)
-    batch = stacked_scenes(case, points, jnp.asarray(moves)), np.tile(points, (len(STARTS), 1))
-    function = eqx.Partial(_row, case=case, window=window)
+    batch = stacked_scenes(problem, points, jnp.asarray(moves)), np.tile(points, (len(STARTS), 1))
+    function = eqx.Partial(_row, problem=problem, window=window)
     at_once = chunk_of(len(STARTS) * len(units), usual=chunk)
     found = run_all(function, batch, at_once, progress=tracking.progress, journal=tracking.journal)
     rows = {
         name: column.reshape(len(STARTS), len(units), *column.shape[1:])
         for name, column in found.items()
     }
-    return rows | {"counts": counts.of_runs(case, rows, case.capacity(units))}
+    return rows | {"counts": constraints.of_runs(problem, rows, problem.capacity(units))}
 
 
 def judged(rows: Found) -> np.ndarray:
@@ -106,23 +106,22 @@ _shifted = eqx.filter_jit(shifted_start)  # one program in place of a hundred
 
 @eqx.filter_jit
 def stacked_scenes(
-    case: Case, units: Float[Array, "points n"], shifts: Float[Array, "points 2"]
+    problem: Problem, units: Float[Array, "points n"], shifts: Float[Array, "points 2"]
 ) -> Scene:
     """The scenes of all points from one start, then from the other, stacked."""
 
     def one(unit: Array, shift: Array, start: str) -> Scene:
-        return started(case.design, case.design.values(unit), start, shift)
+        return started(problem.design, problem.design.values(unit), start, shift)
 
     parts = [jax.vmap(eqx.Partial(one, start=start))(units, shifts) for start in STARTS]
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 
-def _row(batch: tuple[Scene, Array], case: Case, window: Window) -> dict[str, Array]:
+def _row(batch: tuple[Scene, Array], problem: Problem, window: Window) -> dict[str, Array]:
     """Return the row of a scene at a point of the unit box."""
     scene, unit = batch
-    outputs = tuple(dict.fromkeys((*case.told, *case.objective.outputs)))
+    outputs = tuple(dict.fromkeys((*problem.told, *problem.objective.outputs)))
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
-    chamber = case.chamber_of(case.design.description(unit))
-    objective = case.objective.formula(result, scene, chamber)
+    objective = problem.objective.formula(result, scene, problem.chamber_at(unit))
     further = {"objective": objective, "steps": result.outcome.steps, "state": result.state}
-    return row_of(result, case.told, scene.watched) | further
+    return row_of(result, problem.told, scene.watched) | further

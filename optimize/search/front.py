@@ -1,18 +1,15 @@
 """Pareto fronts by exact gradients: what the least of one number costs in another."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from optimize.answer import Confirmed, Front
-from optimize.ask.case import Case
+from optimize.ask.problem import Problem
 from optimize.search import orbits as periodic
-from optimize.search import smooth
-from optimize.search.descents import Smooth, descend
-from optimize.search.pareto import nondominated
+from optimize.search.descents import Smooth, above, descend, negative
 
 # Points of a front, from the least of one number to the least of the other.
 POINTS = 9
@@ -21,48 +18,43 @@ NO_GAIN = 1e-6
 
 
 def fronts(
-    case: Case, optimum: Confirmed, units: np.ndarray, orbits: xr.Dataset, steps: int
+    problem: Problem, optimum: Confirmed, units: np.ndarray, orbits: xr.Dataset, steps: int
 ) -> tuple[Front, ...]:
-    """Return the fronts against the capacity of a crusher, and against the rival of the case.
+    """Return the fronts against the capacity of a crusher, and against the rival of the problem.
 
     `units` are the points of the map `orbits`, of which one counts at least; where none of them
     gains anything in the other number, the optimum is all there is.
     """
 
     def down(function: Smooth, start: np.ndarray, *further: Smooth) -> np.ndarray:
-        return descend(function, start, case.upper, steps, (*spares, *further)).path[-1]
+        return descend(function, start, problem.upper, steps, (*spares, *further)).path[-1]
 
     assert optimum.orbit is not None
-    least = np.clip(case.design.unit(optimum.values), 0, case.upper)
-    rival = case.rival
+    least = np.clip(problem.design.unit(optimum.values), 0, problem.upper)
+    rival, known = problem.rival, periodic.numbers(problem)
     (statistic,) = rival.outputs
-    counts = orbits.counts.to_numpy().ravel()
-    over_map = orbits[statistic].to_numpy().ravel()
-    value, spares, found = smooth.objective(case), smooth.constraints(case), []
-    numbers = [
-        (
-            (statistic, rival.unit, rival.meaning),
-            1,
-            smooth.objective(replace(case, objective=rival)),
-            float(optimum.orbit.solution[statistic]),
-            over_map,
-        )
-    ]
+    counts, spares, found = (
+        orbits.counts.to_numpy().ravel(),
+        periodic.spares(problem, known),
+        [],
+    )
+    here, there = float(optimum.orbit.solution[statistic]), orbits[statistic].to_numpy().ravel()
+    against = [((statistic, rival.unit, rival.meaning), 1, here, there)]
     if optimum.crushing is not None:
-        of_capacity = smooth.capacity(case), optimum.crushing.capacity, case.capacity(units)
-        numbers.insert(0, (("capacity", "m3/h", "capacity"), -1, *of_capacity))
-    for of, sign, number, here, there in numbers:
+        sizes = optimum.crushing.capacity, problem.capacity(units)
+        against.insert(0, (("capacity", "m3/h", "capacity"), -1, *sizes))
+    for of, sign, here, there in against:
         costs = np.where(counts, sign * there, np.nan)
         points, rows = least[None], [[optimum.orbit.objective], [here]]
         if sign * here - np.nanmin(costs) > NO_GAIN * abs(here):
-            best = units[int(np.nanargmin(costs))]
-            small = number if sign > 0 else smooth.negative(number)
-            points = front(value, small, least, best, down)
-            rows = [[f(point)[0] for point in points] for f in (value, number)]
+            best, number = units[int(np.nanargmin(costs))], known[of[0]]
+            small = number if sign > 0 else negative(number)
+            points = front(known["objective"], small, least, best, down)
+            rows = [[f(point)[0] for point in points] for f in (known["objective"], number)]
+        solved = periodic.solve(problem, points)
+        forces = {force: solved[force] for force in problem.forces}
         objective, other = map(np.array, rows)
-        solved = periodic.solve(case, points)
-        forces = {force: solved[force] for force in case.forces}
-        found.append(Front(*of, objective, other, case.design.values(points), forces))
+        found.append(Front(*of, objective, other, problem.design.values(points), forces))
     return tuple(found)
 
 
@@ -86,10 +78,24 @@ def front(
     levels = np.linspace(highest, lowest + NO_GAIN * (highest - lowest), POINTS)
 
     def bounded(level: float, start: np.ndarray) -> np.ndarray:
-        return down(one, start, smooth.above(smooth.negative(other), -level))
+        return down(one, start, above(negative(other), -level))
 
     points = [least]
     for level in levels[1:-1]:
         points.append(bounded(float(level), points[-1]))
     found = np.stack([*points, bounded(float(levels[-1]), end)])
     return found[nondominated(np.array([[one(point)[0], other(point)[0]] for point in found]))]
+
+
+def nondominated(costs: Float[np.ndarray, "points 2"]) -> Bool[np.ndarray, " points"]:
+    """The points that no other beats in both columns, which are to be small; NaN never wins.
+
+    Of equal points all stay.
+    """
+    finite = np.isfinite(costs).all(axis=1)
+    front = np.zeros(len(costs), dtype=bool)
+    for i in np.flatnonzero(finite):
+        others = costs[finite]
+        no_worse = (others <= costs[i]).all(axis=1)
+        front[i] = not (no_worse & (others < costs[i]).any(axis=1)).any()
+    return front

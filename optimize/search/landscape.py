@@ -1,7 +1,6 @@
 """The global stage: every cell of a grid, or a Sobol sequence where a grid has too many."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.spatial
@@ -11,35 +10,10 @@ from jaxtyping import Float
 from jaxcrusher.files import table
 from jaxcrusher.files.table import Column
 from jaxcrusher.scenes.parameters import NUMBERS
-from optimize.ask.case import Case
-from optimize.ask.constraints import end_well, may_be_stable
-from optimize.ask.design import Design
+from optimize.ask.constraints import end_well
+from optimize.ask.design import GRID_DIMENSIONS, Design
+from optimize.ask.problem import Problem
 from optimize.search.evaluate import STARTS, Rows, judged
-
-# More parameters than these get a Sobol sequence instead of a grid.
-GRID_DIMENSIONS = 2
-
-
-@dataclass(frozen=True, eq=False)
-class Maps:
-    """What is known of the whole box: the landscape of both starts, and the periodic orbits."""
-
-    cells: np.ndarray  # of the landscape, points (cells, n) of the unit box
-    landscape: xr.Dataset
-    motions: xr.Dataset  # of the landscape's cells
-    points: np.ndarray  # of the map of orbits, (points, n)
-    orbits: xr.Dataset | None  # None: there are none to solve for
-    contact: bool = True  # whether any design keeps contact from a start
-
-    @property
-    def stable_orbits(self) -> int | None:
-        """How many points have an orbit that may be stable, None where none is solved for."""
-        return None if self.orbits is None else int(may_be_stable(self.orbits).sum())
-
-    @property
-    def counting_orbits(self) -> xr.Dataset | None:
-        """The map of orbits, if one of them counts."""
-        return None if self.orbits is None or not self.orbits.counts.any() else self.orbits
 
 
 def points(design: Design, grid: tuple[int, int], samples: int, seed: int) -> np.ndarray:
@@ -60,14 +34,14 @@ def spread(units: Float[np.ndarray, "points n"], count: int) -> Float[np.ndarray
 
 
 def dataset(
-    case: Case, units: Float[np.ndarray, "points n"], grid: tuple[int, int], rows: Rows
+    problem: Problem, units: Float[np.ndarray, "points n"], grid: tuple[int, int], rows: Rows
 ) -> xr.Dataset:
     """Return rows of shape (starts, points, ...) as a labelled landscape.
 
     Dims are `start` and the parameters of a grid, or `sample`. Columns as in `jaxcrusher.sweep`,
     with `objective`, `counts`, `steps` and the `state` at the end.
     """
-    return labelled(case.design, units, grid, rows, case.columns, {"start": list(STARTS)})
+    return labelled(problem.design, units, grid, rows, problem.columns, {"start": list(STARTS)})
 
 
 def labelled(

@@ -19,7 +19,7 @@ from jaxcrusher.files.table import Column, dataset
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.simulation import Trajectory, leading_force
 from optimize.answer import Confirmed
-from optimize.ask.case import Case
+from optimize.ask.problem import Problem
 from optimize.search.evaluate import NOWHERE, Tracking, stacked_scenes, started
 
 # Instants drawn, 256 in each of two turns, of which the second tells whether the first repeats.
@@ -43,7 +43,7 @@ def drawn(scene: Scene) -> tuple[str, str]:
 
 
 def cell_motions(
-    case: Case,
+    problem: Problem,
     units: Float[np.ndarray, "points n"],
     landscape: xr.Dataset,
     rtol: float,
@@ -54,7 +54,7 @@ def cell_motions(
 
     **Arguments:**
 
-    - `case`: what the landscape is of.
+    - `problem`: what the landscape is of.
     - `units`: the landscape's points.
     - `landscape`: with the `state` of every cell to go on from.
     - `rtol`: as in `jaxcrusher.simulate`.
@@ -69,7 +69,7 @@ def cell_motions(
     angles, points = jnp.asarray(2 * np.pi * turn), jnp.asarray(units)
     states = landscape.state.to_numpy().reshape(-1, landscape.sizes["coordinate"])
     function = eqx.Partial(_motion, angles=angles, rtol=rtol)
-    batch = (stacked_scenes(case, points, jnp.zeros((len(points), 2))), states)
+    batch = (stacked_scenes(problem, points, jnp.zeros((len(points), 2))), states)
     at_once = chunk_of(len(states), usual=CHUNK)
     found = run_all(function, batch, at_once, progress=tracking.progress, journal=tracking.journal)
     steps = int(found.pop("steps").sum())
@@ -79,19 +79,21 @@ def cell_motions(
     ideal = Column("N", "the same force with ideal joints", dims=(*dims[1:], "instant"))
     columns["ideal_force"] = ideal
     values = {name: column.reshape(*shape, -1) for name, column in found.items()}
-    values["ideal_force"] = np.asarray(_ideal_force(points, angles, case)).reshape(*shape[1:], -1)
+    values["ideal_force"] = np.asarray(_ideal_force(points, angles, problem)).reshape(
+        *shape[1:], -1
+    )
     values = {name: column.astype(np.float32) for name, column in values.items()}
-    coordinates = {name: landscape[name] for name in ("start", *case.design.names)}
+    coordinates = {name: landscape[name] for name in ("start", *problem.design.names)}
     return dataset((), values, columns, coordinates | {"turn": ("instant", turn)}), steps
 
 
 def design_motions(
-    case: Case, designs: Sequence[Confirmed], turns: Float[np.ndarray, " n"]
+    problem: Problem, designs: Sequence[Confirmed], turns: Float[np.ndarray, " n"]
 ) -> list[dict[str, Trajectory]]:
     """Return each design's motion after its long runs, by start, at these turns."""
     batch = [
         (
-            started(case.design, one.values, start),
+            started(problem.design, one.values, start),
             np.asarray(run.state),
             2 * np.pi / one.speed * turns,
         )
@@ -128,12 +130,12 @@ def _motion(batch: tuple[Scene, Array], angles: Float[Array, " n"], rtol: float)
 
 
 @eqx.filter_jit
-def _ideal_force(units: Float[Array, "m n"], angles: Float[Array, " k"], case: Case) -> Array:
+def _ideal_force(units: Float[Array, "m n"], angles: Float[Array, " k"], problem: Problem) -> Array:
     """The force with ideal joints (N): nothing to integrate, so all cells at once."""
-    name = leading_force(case.scene)
+    name = leading_force(problem.scene)
 
     def force(unit):
-        scene = case.design.scene(unit).ideal()
+        scene = problem.design.scene(unit).ideal()
         return _size(jc.simulate(scene, angles / scene.drive.speed, outputs=(name,))[name])
 
     return jax.vmap(force)(units)

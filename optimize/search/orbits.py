@@ -9,18 +9,22 @@ import xarray as xr
 from jaxtyping import Array, Float, PyTree, Scalar
 
 import jaxcrusher as jc
-from jaxcrusher.dynamics.many_orbits import MOTION, Problem, alone, beside, solve_orbits
+from jaxcrusher.dynamics.many_orbits import MOTION, Sought, alone, beside, solve_orbits
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES
 from optimize.answer import Coexisting, Orbit
-from optimize.ask import constraints as counts
-from optimize.ask.case import Case
+from optimize.ask import constraints
+from optimize.ask.design import GRID_DIMENSIONS
+from optimize.ask.problem import Problem
+from optimize.search import descents
 from optimize.search.evaluate import NOWHERE, Rows, Tracking, started
-from optimize.search.landscape import GRID_DIMENSIONS, labelled, spread
+from optimize.search.landscape import labelled, spread
 
+# Numbers of designs by name: values (*batch) and slopes (*batch, n).
+Numbers = dict[str, tuple[np.ndarray, np.ndarray]]
 # What a map and result.json keep of an orbit besides its statistics.
 KEPT = ("error", "largest_multiplier", "settling_turns", "least_penetration")
 VERDICTS = ("success", "stable", "undecided", "inside_model")
@@ -35,13 +39,13 @@ ENSEMBLE, ENSEMBLE_TURNS = 16, 480
 SAME = 1e-6
 
 
-def unsolvable(case: Case) -> str:
-    """Why the case's scenes have no orbit to solve for, or nothing."""
-    return refusal(case.scene)
+def unsolvable(problem: Problem) -> str:
+    """Why the problem's scenes have no orbit to solve for, or nothing."""
+    return refusal(problem.scene)
 
 
 def solve(
-    case: Case,
+    problem: Problem,
     units: Float[np.ndarray, "points n"],
     neighbours: Callable[[int], list[int]] | None = None,
     *,
@@ -53,11 +57,12 @@ def solve(
 
     Without `neighbours` of a point each is only tried from the pin at rest in its bore, and by
     shooting where `sections` has a guess. Rows of shape (points,) hold `objective` and `counts`
-    (see `counts.of_orbits`) besides; `slope` is that of the objective per unit of each free
-    parameter, (points, n).
+    (see `constraints.of_orbits`) besides; `slope` is that of the objective per unit of each free
+    parameter, (points, n). `numbers` are those of `Problem.numbers`, with their `slopes` by the
+    axes of the unit box, (points, numbers, n).
     """
     rows = solve_orbits(
-        _problem(case),
+        _sought(problem),
         (units, {}),
         (NODES, 2 * NODES),
         neighbours,
@@ -67,29 +72,74 @@ def solve(
         journal=tracking.journal,
         progress=tracking.progress,
     )
-    rows["objective"] = rows.pop("number")
-    rows["slope"] = rows["slope"] / widths(case)
-    rows["counts"] = counts.of_orbits(case, rows, case.capacity(units))
+    known = dict(zip(problem.numbers, rows["numbers"].T, strict=True))
+    rows["objective"] = known["objective"]
+    rows["slope"] = rows["slopes"][:, 0] / widths(problem)
+    rows["counts"] = constraints.of_orbits(
+        problem, rows, known.get("capacity", np.zeros(len(units)))
+    )
     return rows
+
+
+def values_and_slopes(problem: Problem, units: Float[np.ndarray, "*batch n"]) -> Numbers:
+    """Return the `Problem.numbers` of points of the unit box, with slopes by the box's axes.
+
+    Values, (*batch), are NaN where `constraints.solved` leaves the orbit out.
+    """
+    rows = solve(problem, np.reshape(units, (-1, np.shape(units)[-1])))
+    values = np.where(constraints.solved(problem, rows)[:, None], rows["numbers"], np.nan)
+    return {
+        name: (values[:, i].reshape(units.shape[:-1]), rows["slopes"][:, i].reshape(units.shape))
+        for i, name in enumerate(problem.numbers)
+    }
+
+
+def numbers(problem: Problem) -> dict[str, descents.Smooth]:
+    """Return the `Problem.numbers` as functions, which solve for an orbit once for all."""
+    seen: dict[tuple[tuple[int, ...], bytes], Numbers] = {}
+
+    def number(points: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+        key = points.shape, np.ascontiguousarray(points).tobytes()
+        if key not in seen:
+            seen[key] = values_and_slopes(problem, points)
+        return seen[key][name]
+
+    return {name: functools.partial(number, name=name) for name in problem.numbers}
+
+
+def spares(problem: Problem, numbers: dict[str, descents.Smooth]) -> tuple[descents.Smooth, ...]:
+    """Return by how much a design is inside each constraint, as a share of it.
+
+    The floor of the capacity is none where it is a corner of the box.
+    """
+    found = [
+        descents.above(descents.negative(numbers[one.statistic]), -one.most)
+        for one in problem.limits
+    ]
+    if problem.floor_bends:
+        found.append(descents.above(numbers["capacity"], problem.capacity_floor))
+    return tuple(found)
 
 
 # A scene takes as long to build as an orbit takes to solve for, and descents ask one by one.
 @functools.lru_cache(maxsize=8)
-def _problem(case: Case) -> Problem:
-    parts = eqx.Partial(_scene, case=case), eqx.Partial(_objective, case=case)
-    return Problem(*parts, 1, unknowns(case.scene))
+def _sought(problem: Problem) -> Sought:
+    numbers = tuple(eqx.Partial(_number, problem=problem, name=name) for name in problem.numbers)
+    return Sought(eqx.Partial(_scene, problem=problem), numbers, 1, unknowns(problem.scene))
 
 
-def _scene(unit: Array, _: PyTree, case: Case) -> Scene:
-    return case.design.scene(unit)
+def _scene(unit: Array, _: PyTree, problem: Problem) -> Scene:
+    return problem.design.scene(unit)
 
 
-def _objective(orbit: PeriodicOrbit, scene: Scene, unit: Array, _: PyTree, case: Case) -> Scalar:
-    return case.objective.formula(orbit, scene, case.chamber_of(case.design.description(unit)))
+def _number(
+    orbit: PeriodicOrbit, scene: Scene, unit: Array, _: PyTree, problem: Problem, name: str
+) -> Scalar:
+    return problem.numbers[name](orbit, scene, problem.chamber_at(unit))
 
 
 def solve_map(
-    case: Case,
+    problem: Problem,
     units: Float[np.ndarray, "points n"],
     cells: tuple[int, int],
     keeps_contact: Callable[[], bool] = lambda: True,
@@ -101,52 +151,52 @@ def solve_map(
     Nodes resolve no impacts. Where some points have no orbit from rest, and no design of the box
     keeps contact, there is no map. What several loose joints' nodes cost is not spent to see that.
     """
-    if unknowns(case.scene) > 2 and not keeps_contact():
+    if unknowns(problem.scene) > 2 and not keeps_contact():
         return None
-    some = solve(case, spread(units, CHUNK), quick=True)
+    some = solve(problem, spread(units, CHUNK), quick=True)
     if not some["success"].any() and not keeps_contact():
         return None
-    rows, motions = solve(case, units, quick=True, tracking=tracking), ()
+    rows, motions = solve(problem, units, quick=True, tracking=tracking), ()
     if not rows["counts"].any():
-        count = len(case.design.names)
+        count = len(problem.design.names)
         # The points of a sequence lie too far apart to help each other.
         near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
-        rows, motions = solve(case, units, near, tracking=tracking), MOTION
-    of = case.objective
-    columns = columns_of(case.scene.statistics, case.told)
+        rows, motions = solve(problem, units, near, tracking=tracking), MOTION
+    of = problem.objective
+    columns = columns_of(problem.scene.statistics, problem.told)
     columns |= {name: COLUMNS[name] for name in (*KEPT, *VERDICTS, "failure", "found", *motions)}
     columns["objective"] = Column(of.unit, of.meaning)
     meaning = f"slope of the {of.meaning}, per unit of the parameter"
     columns["slope"] = Column(of.unit, meaning, dims=("parameter",))
     meaning = "may be chosen: a motion inside the constraints that is not known to be unstable"
     columns["counts"] = Column("1", meaning, bool)
-    return labelled(case.design, units, cells, rows, columns)
+    return labelled(problem.design, units, cells, rows, columns)
 
 
-def widths(case: Case) -> Float[np.ndarray, " n"]:
+def widths(problem: Problem) -> Float[np.ndarray, " n"]:
     """Return the width of the box in each parameter's unit."""
-    return np.array([high - low for low, high in case.design.bounds.values()])
+    return np.array([high - low for low, high in problem.design.bounds.values()])
 
 
-def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
+def orbit_of(problem: Problem, unit: Float[np.ndarray, " n"]) -> Orbit | None:
     """Return the orbit of one point, with as many nodes as it takes, closed by integration.
 
     Its slopes stand beside central differences of orbits, and are NaN where these are of another
     motion than the one that the crusher comes to from rest. None where there is no orbit to solve
     for.
     """
-    if unsolvable(case):
+    if unsolvable(problem):
         return None
-    described = case.design.described(case.design.numbers(unit))
-    scene = case.design.build(described)
+    described = problem.design.described(problem.design.numbers(unit))
+    scene = problem.design.build(described)
     solution = jc.periodic_orbit(scene, effort="thorough")
     offsets = BESIDE * np.eye(len(unit))
     units = np.concatenate([unit[None], unit + offsets, unit - offsets])
-    rows = solve(case, units, sections=np.tile(solution.section, (len(units), 1)))
+    rows = solve(problem, units, sections=np.tile(solution.section, (len(units), 1)))
     above, below = np.split(rows["objective"][1:], 2)
-    slopes, names = rows["slope"][0], case.design.names
-    apart = np.abs((above - below) / (2 * BESIDE * widths(case)) - slopes)
-    value = float(case.objective.formula(solution, scene, case.chamber_of(described)))
+    slopes, names = rows["slope"][0], problem.design.names
+    apart = np.abs((above - below) / (2 * BESIDE * widths(problem)) - slopes)
+    value = float(problem.objective.formula(solution, scene, problem.chamber_of(described)))
     if not abs(rows["objective"][0] - value) <= SAME * abs(value):
         slopes, apart = np.full((2, len(unit)), np.nan)
     return Orbit(
@@ -157,23 +207,23 @@ def orbit_of(case: Case, unit: Float[np.ndarray, " n"]) -> Orbit | None:
     )
 
 
-def coexisting(case: Case, values: dict[str, float]) -> tuple[Coexisting, ...]:
+def coexisting(problem: Problem, values: dict[str, float]) -> tuple[Coexisting, ...]:
     """Return the stable orbits that random starts about the centred one come to."""
-    described = case.design.described(values)
-    scene, chamber = case.design.build(described), case.chamber_of(described)
-    centred = started(case.design, values, "centred")
+    described = problem.design.described(values)
+    scene, chamber = problem.design.build(described), problem.chamber_of(described)
+    centred = started(problem.design, values, "centred")
     found = jc.coexisting_orbits(centred, starts=ENSEMBLE, turns=ENSEMBLE_TURNS)
     return tuple(
-        Coexisting(share, orbit, float(case.objective.formula(orbit, scene, chamber)))
+        Coexisting(share, orbit, float(problem.objective.formula(orbit, scene, chamber)))
         for orbit, share in zip(found.orbits, found.shares, strict=True)
         if share > 0
     )
 
 
-def error(case: Case, solution: PeriodicOrbit, objective: float) -> float:
+def error(problem: Problem, solution: PeriodicOrbit, objective: float) -> float:
     """Return the estimated error of an objective: that of a difference is that of its parts."""
-    outputs, unit = case.objective.outputs, case.objective.unit
-    parts = [solution[name] for name in outputs if case.scene.statistics[name].unit == unit]
+    outputs, unit = problem.objective.outputs, problem.objective.unit
+    parts = [solution[name] for name in outputs if problem.scene.statistics[name].unit == unit]
     return float(solution.error) * max(map(abs, (objective, *map(float, parts))))
 
 

@@ -1,7 +1,7 @@
-"""The stages of a search: each takes the problem and earlier results, and returns results."""
+"""The stages of a search: each takes the answer so far, and returns it with more of its fields."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
@@ -21,33 +21,27 @@ from jaxcrusher.files.results import write_netcdf
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.scenes.reader import points_of
 from jaxcrusher.sheets.load_sheet import Row, Site, sheet
-from optimize.answer import Bound, Coexisting, Confirmed, Front, Orbit, Refinement
-from optimize.ask.case import Case
+from optimize.answer import Answer, Coexisting, Confirmed, Maps, Orbit, Refinement
 from optimize.ask.constraints import losses
 from optimize.ask.problem import Problem
-from optimize.search import descents as local
-from optimize.search import landscape, orbits, smooth
+from optimize.search import descents, landscape, orbits
+from optimize.search.active import active_constraints
 from optimize.search.bound import MOST, Points, Refined, optimality_bound, refined, unbounded
 from optimize.search.cells import Cells
 from optimize.search.concurrent import Stopped, run_concurrently
-from optimize.search.confirm import SHIFT, Repeats, confirmed, long_runs
-from optimize.search.decay import with_decay
+from optimize.search.confirm import SHIFT, Repeats, confirmed, long_runs, long_window
+from optimize.search.descents import Descent
 from optimize.search.evaluate import Tracking, Window, evaluate, judged
 from optimize.search.front import fronts
-from optimize.search.landscape import Maps
 from optimize.search.motions import cell_motions
 
-# Tolerances of the landscape and its motions, and of the confirmation, in clearances.
-MAP_RTOL, CONFIRM_RTOL = 1e-6, 1e-8
-# Confirmation runs last this many times longer than the landscape's.
-LONGER = 3
+# Tolerance of the landscape and its motions, in clearances.
+MAP_RTOL = 1e-6
 # Designs that are looked at before all others: if none of them keeps contact, few or none has an
 # orbit that keeps it, which is what nodes solve for.
 SCOUTS = 16
 # Harmonics of the shaft's speed in a load sheet.
 ORDERS = 4
-# Fields of `Answer` that a stage finds.
-Part = dict[str, Any]
 # By how much less than the optimum the box may hold, as a share of it, unless another is asked.
 WITHIN = 3e-5
 
@@ -82,18 +76,18 @@ class Work:
         self.seconds[name] = time.perf_counter() - began
 
 
-def map_box(problem: Problem, work: Work) -> tuple[Maps, Orbit | None]:
+def map_box(answer: Answer, work: Work) -> Answer:
     """Look at the whole box: its periodic orbits, and both starts on a coarser grid.
 
-    Returns the maps, and the orbit of the design to compare with, which needs none of them: it is
-    searched for beside them, with the programs that the confirmation uses again.
+    The orbit of the design to compare with needs none of them: it is searched for beside them, with
+    the programs that the confirmation uses again.
     """
-    effort, case = problem.effort, problem.case
+    problem, effort = answer.problem, answer.problem.effort
     cells, points = (
-        landscape.points(case.design, grid, effort.samples, effort.seed)
+        landscape.points(problem.design, grid, effort.samples, effort.seed)
         for grid in (effort.grid, effort.cells)
     )
-    reference = case.design.unit(problem.searched.reference)
+    reference = problem.design.unit(problem.reference)
     contact: Future[bool] = Future()  # whether any design keeps it
 
     def explore() -> tuple[xr.Dataset, xr.Dataset]:
@@ -110,19 +104,24 @@ def map_box(problem: Problem, work: Work) -> tuple[Maps, Orbit | None]:
         work.stop,
         lambda: _map_orbits(problem, work, points, contact),
         explore,
-        lambda: orbits.orbit_of(case, reference) if contact.result() else None,
+        lambda: orbits.orbit_of(problem, reference) if contact.result() else None,
     )
-    return Maps(cells, data, motions, points, mapped, contact.result()), orbit
+    maps = Maps(cells, data, motions, points, mapped, contact.result(), orbit)
+    return replace(answer, maps=maps)
 
 
 def _scouted(problem: Problem, work: Work, points: np.ndarray) -> bool:
     """Tell whether any of some designs, evenly over the box, keeps contact from a start."""
-    case, effort = problem.case, problem.effort
     some = landscape.spread(points, SCOUTS)
     with work.stage("scouts", len(landscape.STARTS) * len(some)) as tracking:
-        rows = evaluate(case, some, Window(effort.settle, effort.turns, MAP_RTOL), tracking)
+        rows = evaluate(problem, some, _short(problem), tracking)
     shares = [column for name, column in rows.items() if name.endswith("contact_fraction")]
     return not shares or bool((np.min(shares, axis=0) >= ALL_THE_TIME).any())
+
+
+def _short(problem: Problem) -> Window:
+    """Return the turns and the tolerance of the landscape's runs."""
+    return Window(problem.effort.settle, problem.effort.turns, MAP_RTOL)
 
 
 def _map_orbits(
@@ -133,11 +132,10 @@ def _map_orbits(
     That is so of scenes that cannot be solved for, and of a box in which no scout keeps contact,
     unless another design has an orbit by nodes all the same.
     """
-    case = problem.case
-    if orbits.unsolvable(case):
+    if orbits.unsolvable(problem):
         return None
     with work.stage("orbits", len(points)) as tracking:
-        data = orbits.solve_map(case, points, problem.effort.cells, contact.result, tracking)
+        data = orbits.solve_map(problem, points, problem.effort.cells, contact.result, tracking)
     if data is None:
         return None
     data.attrs = _provenance("Periodic orbits of a design search", problem)
@@ -150,194 +148,206 @@ def _explore(problem: Problem, work: Work, cells: np.ndarray) -> tuple[xr.Datase
 
     Returns the landscape, which is also written, and its motions.
     """
-    case, effort = problem.case, problem.effort
-    window = Window(effort.settle, effort.turns, MAP_RTOL)
-    count = len(landscape.STARTS) * len(cells)
+    window, count = _short(problem), len(landscape.STARTS) * len(cells)
     with work.stage("landscape", count) as tracking:
-        rows = evaluate(case, cells, window, tracking)
-    data = landscape.dataset(case, cells, effort.grid, rows)
+        rows = evaluate(problem, cells, window, tracking)
+    data = landscape.dataset(problem, cells, problem.effort.grid, rows)
     how = asdict(window) | {"engine": default_engine(count)}
     data.attrs = _provenance("Landscape of a design search", problem, **how)
     write_netcdf(work.folder / "landscape.nc", data)
     work.steps["landscape"] = int(data.steps.sum())
     with work.stage("motions", data.objective.size) as tracking:
-        motions, work.steps["motions"] = cell_motions(case, cells, data, MAP_RTOL, tracking)
+        motions, work.steps["motions"] = cell_motions(problem, cells, data, MAP_RTOL, tracking)
     return data, motions
 
 
 def _provenance(title: str, problem: Problem, **settings: Any) -> dict[str, Any]:
-    design = problem.case.design
-    return provenance(title, scene=design.whole(design.fixed), box=asdict(problem.box), **settings)
-
-
-def refine(problem: Problem, work: Work, maps: Maps) -> tuple[np.ndarray, Part]:
-    """Descend from the best points of the map of orbits, and from random ones.
-
-    Where no orbit counts, descents are fits, from the best cells of the landscape. Returns the ends
-    of the descents, shape (candidates, n), and `refinement`, or why there is none.
-    """
-    case, effort = problem.case, problem.effort
-    rng = np.random.default_rng(effort.seed)
-    mapped, data = maps.orbits, maps.landscape
-    values = np.full(len(maps.points), np.nan)
-    if mapped is not None:
-        begun = landscape.counting(data, maps.cells, maps.points)
-        counts = mapped.counts.to_numpy().ravel() & begun
-        values = np.where(counts, mapped.objective.to_numpy().ravel(), np.nan)
-    best = landscape.best_points(values, maps.points, effort.refine)
-    exact = len(best) > 0
-    if not exact:
-        worst = landscape.worst(data).to_numpy().ravel()
-        best = landscape.best_points(worst, maps.cells, effort.refine)
-    if not len(best):
-        lost = losses(case, data, case.capacity(maps.cells), "points of the landscape")
-        return best, {"empty": lost}
-    starts = np.concatenate([best, rng.uniform(size=(effort.refine, best.shape[1]))])
-    with work.stage("refinement", len(starts)) as tracking:
-        found, ends = [], []
-        for i, start in enumerate(starts):
-            if exact:
-                end, refined = _by_gradients(case, start, effort.steps)
-            else:
-                end, refined = _by_fits(problem, start, work)
-            ends.append(end)
-            found.append(refined)
-            tracking.progress(i + 1, len(starts))
-    # Descents that meet need one confirmation.
-    candidates = np.stack(ends) if exact else np.concatenate([best, ends])
-    _, first = np.unique(np.round(candidates, 4), axis=0, return_index=True)
-    return candidates[np.sort(first)], {"refinement": tuple(found)}
-
-
-def _by_gradients(case: Case, start: np.ndarray, steps: int) -> tuple[np.ndarray, Refinement]:
-    function, spares = smooth.objective(case), smooth.constraints(case)
-    descent = local.descend(function, start, case.upper, steps, spares)
-    slopes = descent.gradient / orbits.widths(case)
-    return descent.path[-1], Refinement(
-        "gradient",
-        case.design.values(descent.path),
-        descent.first,
-        descent.last,
-        descent.evaluations,
-        dict(zip(case.design.names, slopes.tolist(), strict=True)),
+    design = problem.design
+    return provenance(
+        title, scene=design.whole(design.fixed), bounds=dict(design.bounds), **settings
     )
 
 
-def _by_fits(problem: Problem, start: np.ndarray, work: Work) -> tuple[np.ndarray, Refinement]:
-    case, effort = problem.case, problem.effort
-    objective = _NoisyObjective(case, Window(effort.settle, effort.turns, MAP_RTOL))
-    path, means, _ = local.descend_by_fits(objective, start, seed=effort.seed)
-    work.steps["refinement"] = work.steps.get("refinement", 0) + objective.steps
-    ends = float(means[0]), float(means[-1])
-    points = case.design.values(path)
-    return path[-1], Refinement("fits", points, *ends, objective.evaluations, {})
+def refine(answer: Answer, work: Work) -> Answer:
+    """Descend from the best points of the map of orbits, and from random ones.
+
+    Where no orbit counts, descents are fits, from the best cells of the landscape.
+    """
+    problem, effort, maps = answer.problem, answer.problem.effort, answer.maps
+    assert maps is not None
+    rng = np.random.default_rng(effort.seed)
+    values = np.full(len(maps.points), np.nan)
+    if maps.orbits is not None:
+        begun = landscape.counting(maps.landscape, maps.cells, maps.points)
+        counts = maps.orbits.counts.to_numpy().ravel() & begun
+        values = np.where(counts, maps.orbits.objective.to_numpy().ravel(), np.nan)
+    by, places, starts_at = "gradient", maps.points, effort.refine
+    if not np.isfinite(values).any():
+        by, places = "fits", maps.cells
+        values = landscape.worst(maps.landscape).to_numpy().ravel()
+    elif not problem.constrained:
+        starts_at = effort.starts // 2
+    best = landscape.best_points(values, places, starts_at)
+    if not len(best):
+        capacity = problem.capacity(maps.cells)
+        lost = losses(problem, maps.landscape, capacity, "points of the landscape")
+        return replace(answer, empty=lost)
+    starts = np.concatenate([best, rng.uniform(size=(starts_at, best.shape[1]))])
+    with work.stage("refinement", len(starts)) as tracking:
+        if by == "fits":
+            found = _by_fits(problem, starts, work)
+            ends = np.concatenate([best, [one.path[-1] for one in found]])
+        else:
+            found, ends = _by_gradients(problem, starts, tracking)
+    widths = orbits.widths(problem)
+    told = (
+        Refinement(
+            by,
+            problem.design.values(one.path),
+            one.first,
+            one.last,
+            one.evaluations,
+            dict(zip(problem.design.names, (one.gradient / widths).tolist(), strict=True)),
+        )
+        for one in found
+    )
+    # Descents that meet need one confirmation.
+    _, first = np.unique(np.round(ends, 4), axis=0, return_index=True)
+    return replace(answer, refinement=tuple(told), ends=ends[np.sort(first)])
 
 
-class _NoisyObjective:
-    """The objective of points with random starts, counting its integration steps."""
+def _by_gradients(
+    problem: Problem, starts: np.ndarray, tracking: Tracking
+) -> tuple[list[Descent], np.ndarray]:
+    """Descend in lock-step and polish the best ends that lie apart; return all, and those.
 
-    def __init__(self, case: Case, window: Window):
-        self.case, self.window, self.steps, self.evaluations = case, window, 0, 0
+    Constraints that are no bounds are SLSQP's, which goes down from one start after the other.
+    """
+    numbers, upper, effort = orbits.numbers(problem), problem.upper, problem.effort
+    function, spares = numbers["objective"], orbits.spares(problem, numbers)
+    found = []
+    if not problem.constrained:
+        progress = tracking.progress
+        found = descents.descend_together(function, starts, upper, effort.steps, progress)
+        starts = np.stack([one.path[-1] for one in descents.apart(found)[: effort.refine]])
+    polished = []
+    for start in starts:
+        polished.append(descents.descend(function, start, upper, effort.steps, spares))
+        tracking.progress(len(found) + len(polished), len(found) + len(starts))
+    return polished + found, np.stack([one.path[-1] for one in polished])
 
-    def __call__(self, units: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+
+def _by_fits(problem: Problem, starts: np.ndarray, work: Work) -> list[Descent]:
+    """Descend by fits to runs from random starts, in lock-step."""
+    steps = []
+
+    def objective(units: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         """Return values (m,) of points (m, n), each start shifted as its number says."""
         draws = [np.random.default_rng(number) for number in numbers]
         shifts = np.stack([rng.uniform(-SHIFT, SHIFT, 2) for rng in draws])
-        rows = evaluate(self.case, units, self.window, shifts=shifts)
-        self.steps += int(rows["steps"].sum())
-        self.evaluations += len(units)
+        rows = evaluate(problem, units, _short(problem), shifts=shifts)
+        steps.append(rows["steps"].sum())
         return judged(rows)
 
+    found = descents.descend_by_fits(objective, starts, seed=problem.effort.seed)
+    work.steps["refinement"] = int(np.sum(steps))
+    return found
 
-def confirm(
-    problem: Problem, work: Work, maps: Maps, candidates: np.ndarray, orbit: Orbit | None
-) -> tuple[Confirmed | None, Part]:
-    """Run the candidates and the design to compare with for long, several times from each start.
 
-    `orbit` is that of the design to compare with, if it is known. Returns the best candidate, None
-    where none counts, with `candidates`, `seed_choice`, and why there is no best one.
+def confirm(answer: Answer, work: Work) -> Answer:
+    """Run the ends and the design to compare with for long, several times from each start.
+
+    The best of them that counts is the optimum, if there is one.
     """
-    case, (_, repeats) = problem.case, _repeats(problem)
-    reference = case.design.unit(problem.searched.reference)
-    points = np.concatenate([candidates, reference[None]])
+    problem, effort, maps, ends = answer.problem, answer.problem.effort, answer.maps, answer.ends
+    if ends is None:
+        ends = np.zeros((0, len(problem.design.names)))
+    assert maps is not None
+    reference = problem.design.unit(problem.reference)
+    points = np.concatenate([ends, reference[None]])
+    repeats = Repeats(effort.runs, long_window(effort), effort.seed)
 
     def solved() -> list[Orbit | None]:
         if maps.orbits is None:
             return [None] * len(points)
-        ends = [orbits.orbit_of(case, point) for point in candidates]
-        return [*ends, orbit or orbits.orbit_of(case, reference)]
+        found = [orbits.orbit_of(problem, point) for point in ends]
+        return [*found, maps.reference or orbits.orbit_of(problem, reference)]
 
     total = len(landscape.STARTS) * len(points) * repeats.runs
     with work.stage("confirmation", total) as tracking:
         runs, found = run_concurrently(
             work.stop,
-            lambda: long_runs(case, points, repeats, tracking),
+            lambda: long_runs(problem, points, repeats, tracking),
             solved,
         )
-        *ended, other = [confirmed(case, *of) for of in zip(points, runs, found, strict=True)]
+        *ended, other = [confirmed(problem, *of) for of in zip(points, runs, found, strict=True)]
     work.steps["confirmation"] = sum(int(rows["steps"].sum()) for rows in runs)
     best = min((one for one in ended if one.counts), key=lambda one: one.objective, default=None)
-    part: Part = {"candidates": tuple(ended), "seed_choice": other}
+    empty = answer.empty
     if best is None and ended:
         rows = {name: np.stack([one[name] for one in runs[:-1]], axis=1) for name in runs[0]}
-        capacity = case.capacity(candidates)
-        part["empty"] = losses(case, rows, capacity, "long-run ends of descents")
-    return best, part
+        empty = losses(problem, rows, problem.capacity(ends), "long-run ends of descents")
+    candidates = tuple(ended)
+    return replace(answer, optimum=best, candidates=candidates, reference=other, empty=empty)
 
 
-def _repeats(problem: Problem) -> tuple[Repeats, Repeats]:
-    """Return runs as long as the landscape's, and those that a design is judged by."""
-    effort = problem.effort
-    short = Window(effort.settle, effort.turns, MAP_RTOL)
-    long = Window(LONGER * effort.settle, LONGER * effort.turns, CONFIRM_RTOL)
-    return Repeats(effort.runs, short, effort.seed), Repeats(effort.runs, long, effort.seed)
+def bound(answer: Answer, work: Work) -> Answer:
+    """Bound the box by a map that is refined, and look for worse motions of both designs beside."""
+    best = answer.optimum
+    if best is None or answer.reference is None:
+        return answer
+    refined_map, designs = run_concurrently(
+        work.stop, lambda: _refine_map(answer, work, best), lambda: _coexisting(answer, work)
+    )
+    answer = replace(answer, **designs)
+    # By the optimum that is reported: a worse orbit may have raised its objective.
+    assert answer.optimum is not None and answer.maps is not None
+    known = unbounded(answer.problem, answer.maps, answer.optimum)
+    if known is None:
+        assert refined_map is not None
+        known = optimality_bound(refined_map, answer.optimum)
+    return replace(answer, bound=known)
 
 
-def refine_map(problem: Problem, work: Work, maps: Maps, best: Confirmed) -> Refined | None:
+def _refine_map(answer: Answer, work: Work, best: Confirmed) -> Refined | None:
     """Refine the map of orbits until it bounds the box; None where nothing can be bounded."""
-    case, effort, mapped = problem.case, problem.effort, maps.orbits
-    if unbounded(case, maps, best):
+    problem, effort, maps = answer.problem, answer.problem.effort, answer.maps
+    assert maps is not None
+    if unbounded(problem, maps, best):
         return None
-    assert mapped is not None
+    assert maps.orbits is not None
     with work.stage("bound", MOST) as tracking:
-        rows = landscape.rows_of(mapped, len(maps.points))
-        points = Points(case, maps.points, rows, _repeats(problem), tracking)
+        rows = landscape.rows_of(maps.orbits, len(maps.points))
+        repeats = Repeats(effort.runs, _short(problem), effort.seed)
+        points = Points(problem, maps.points, rows, repeats, tracking)
         within = WITHIN * abs(best.objective) if effort.within is None else effort.within
-        return refined(points, Cells.of_grid(mapped.counts.shape), best, within)
+        return refined(points, Cells.of_grid(maps.orbits.counts.shape), best, within)
 
 
-def bounded(problem: Problem, maps: Maps, found: Refined | None, best: Confirmed) -> Bound:
-    """Return how far below the optimum the box may hold another design, from a refined map.
-
-    The optimum is the one that is reported: a worse orbit may have raised its objective.
-    """
-    if none := unbounded(problem.case, maps, best):
-        return none
-    assert found is not None
-    return optimality_bound(found, best)
-
-
-def with_coexisting_orbits(
-    problem: Problem, work: Work, maps: Maps, designs: tuple[Confirmed, Confirmed]
-) -> tuple[Confirmed, Confirmed]:
-    """Return two designs with the orbits that random starts come to, and the decay of their runs.
+def _coexisting(answer: Answer, work: Work) -> dict[str, Confirmed]:
+    """Return optimum and reference with the orbits that random starts come to.
 
     An orbit that is worse than the design's own takes its place in the objective.
     """
-    case, (one, other) = problem.case, designs
-    if maps.orbits is None:
-        return designs
-    with work.stage("coexisting", 2):
-        of_one, of_other, (one, other) = run_concurrently(
+    designs = {"optimum": answer.optimum, "reference": answer.reference}
+    known = {name: one for name, one in designs.items() if one is not None}
+    if answer.maps is None or answer.maps.orbits is None:
+        return known
+    with work.stage("coexisting", len(known)):
+        found = run_concurrently(
             work.stop,
-            lambda: orbits.coexisting(case, one.values),
-            lambda: orbits.coexisting(case, other.values),
-            lambda: with_decay(case, designs),
+            *(
+                lambda one=one: orbits.coexisting(answer.problem, one.values)
+                for one in known.values()
+            ),
         )
-    return by_worst_orbit(case, one, of_one), by_worst_orbit(case, other, of_other)
+    return {
+        name: by_worst_orbit(answer.problem, one, others)
+        for (name, one), others in zip(known.items(), found, strict=True)
+    }
 
 
-def by_worst_orbit(case: Case, design: Confirmed, found: tuple[Coexisting, ...]) -> Confirmed:
+def by_worst_orbit(problem: Problem, design: Confirmed, found: tuple[Coexisting, ...]) -> Confirmed:
     """Return a design with the orbits that random starts come to, judged by the worst."""
     design = replace(design, coexisting=found)
     known = (one for one in found if not np.isnan(one.objective))
@@ -346,30 +356,51 @@ def by_worst_orbit(case: Case, design: Confirmed, found: tuple[Coexisting, ...])
     if worst is None or not orbits.worse(worst.objective, design.objective):
         return design
     forces = {name: float(worst.solution[name]) for name in design.forces}
-    half_width = orbits.error(case, worst.solution, worst.objective)
+    half_width = orbits.error(problem, worst.solution, worst.objective)
     return replace(design, objective=worst.objective, half_width=half_width, forces=forces)
 
 
-def load_sheets(
-    described: Mapping[str, Any], designs: Mapping[str, Confirmed]
-) -> dict[str, list[Row]]:
+def explain(answer: Answer, work: Work) -> Answer:
+    """Find the active constraints at the optimum, and what the designs do to their foundation."""
+    if answer.optimum is None:
+        return answer
+    active, free_slopes = active_constraints(answer.problem, answer.optimum)
+    return replace(answer, active=active, free_slopes=free_slopes, load_sheets=_load_sheets(answer))
+
+
+def _load_sheets(answer: Answer) -> dict[str, list[Row]]:
     """Return the load sheets of the foundation, by title, of designs that come to their orbit.
 
-    Motor, frame and points are those that are `described`.
+    Motor, frame and points are those of the machine's description.
     """
+    described = answer.problem.design.machine.given
     power, frame = described.get("motor_power"), described.get("frame_mass")
     site = Site(power, frame, points_of(described))
     return {
         title: sheet(design.orbit.solution, ORDERS, site)
-        for title, design in designs.items()
+        for title, design in answer.designs.items()
         if design.settles and design.orbit is not None
     }
 
 
-def trade(problem: Problem, work: Work, best: Confirmed, maps: Maps) -> tuple[Front, ...]:
-    """Return the Pareto fronts of an optimum on its orbit; none where it has none."""
-    mapped = maps.counting_orbits
-    if mapped is None or not best.settles:
-        return ()
+def trade(answer: Answer, work: Work) -> Answer:
+    """Find the Pareto fronts of an optimum on its orbit; none where it has none."""
+    best, maps = answer.optimum, answer.maps
+    mapped = None if maps is None else maps.counting_orbits
+    if best is None or maps is None or mapped is None or not best.settles:
+        return answer
+    problem = answer.problem
     with work.stage("fronts", 2):
-        return fronts(problem.case, best, maps.points, mapped, problem.effort.steps)
+        found = fronts(problem, best, maps.points, mapped, problem.effort.steps)
+    return replace(answer, fronts=found)
+
+
+# What they find, in this order.
+STAGES = {
+    "maps": map_box,
+    "descents": refine,
+    "long runs": confirm,
+    "bound": bound,
+    "active constraints": explain,
+    "fronts": trade,
+}

@@ -1,21 +1,17 @@
 """The checks of a search's answer, each with its rule, and what the answer leaves out."""
 
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import said, unit_of
 from jaxcrusher.sheets.feed_response import TURNS
-from optimize.answer import Answer, Check, Confirmed, Orbit
-from optimize.ask.case import Case
+from optimize.answer import Answer, Check, Confirmed
 from optimize.ask.limits import OF_ORBIT, OF_RUN, Found
 from optimize.ask.problem import Problem
-from optimize.search import decay
-from optimize.search.confirm import least_contact
-from optimize.search.landscape import Maps
+from optimize.search.confirm import least_contact, long_window
 from optimize.search.orbits import worse
-from optimize.search.stages import CONFIRM_RTOL, LONGER
 from optimize.tell.forces import quantity
 from optimize.tell.words import active, coexisting, number, shown
 
@@ -34,72 +30,72 @@ NO_SLOPES = (
 )
 
 
-def judged(answer: Answer, problem: Problem, maps: Maps) -> dict[str, Any]:
-    """Return the checks of an answer, and what it leaves out: fields of `Answer`."""
-    remarks = remark(answer.optimum, problem), quieter(answer, problem.case, maps)
-    return {"checks": checks(answer, problem), "remark": " ".join(filter(None, remarks))}
+def judge(answer: Answer) -> Answer:
+    """Return an answer with its checks, and with what it leaves out."""
+    remarks = remark(answer), quieter(answer)
+    return replace(answer, checks=checks(answer), remark=" ".join(filter(None, remarks)))
 
 
-def checks(answer: Answer, problem: Problem) -> tuple[Check, ...]:
+def checks(answer: Answer) -> tuple[Check, ...]:
     """Check an answer that came to its evidence."""
-    case, effort = problem.case, problem.effort
-    best, other = answer.optimum, answer.seed_choice
+    problem, effort = answer.problem, answer.problem.effort
+    best, other, window = answer.optimum, answer.reference, long_window(effort)
     if best is None or other is None:
         return (Check("a design may be chosen", False, answer.empty),)
-    unit, units = case.objective.unit, answer.box.units
+    unit, units = problem.objective.unit, problem.units
     there = f"{number(other.objective)} {unit}" if other.counts else "nothing that counts"
     return (
         Check(
             "inside the box",
-            _inside(best, case),
+            _inside(best, problem),
             ", ".join(
                 f"{name} {shown(name, best.values[name], units):.6g} in "
                 f"{shown(name, low, units):.6g} to {shown(name, high, units):.6g} "
                 f"{unit_of(name, units)[0]}".rstrip()
-                for name, (low, high) in case.design.bounds.items()
+                for name, (low, high) in problem.design.bounds.items()
             ),
         ),
-        *_capacity(best, case),
-        *_limits(best, case),
+        *_capacity(best, problem),
+        *_limits(best, problem),
         Check(
             "long runs from both starts succeed without whirl",
             best.counts,
-            f"all of {effort.runs} runs each, {LONGER * effort.settle} + "
-            f"{LONGER * effort.turns} turns at rtol {CONFIRM_RTOL:g}",
+            f"all of {effort.runs} runs each, {window.settle} + {window.turns} turns at rtol "
+            f"{window.rtol:g}",
         ),
-        *_motion(answer, best, case),
+        *_motion(answer, best),
         Check(
             "not worse than any point of the map",
             answer.bound is not None and answer.bound.gain >= -VANISHED * abs(best.objective),
             _beside_map(answer, unit),
         ),
-        *_ideal(best, case),
+        *_ideal(best, problem),
         Check(
-            f"better than the {answer.compared_with}",
+            f"better than the {problem.compared_with}",
             not other.objective < best.objective,
             f"{number(best.objective)} <= {there}",
         ),
-        *_slopes(best, case),
+        *_slopes(best, problem),
     )
 
 
-def _inside(best: Confirmed, case: Case) -> bool:
+def _inside(best: Confirmed, problem: Problem) -> bool:
     """Tell whether all free numbers are inside their bounds, of either sign, but for rounding."""
     inside = []
-    for name, (low, high) in case.design.bounds.items():
+    for name, (low, high) in problem.design.bounds.items():
         slack = 1e-12 * max(abs(low), abs(high))
         inside.append(low - slack <= best.values[name] <= high + slack)
     return all(inside)
 
 
-def _limits(best: Confirmed, case: Case) -> tuple[Check, ...]:
+def _limits(best: Confirmed, problem: Problem) -> tuple[Check, ...]:
     """Check each limit on all motions that the optimum comes to; those beside it by their model."""
     checked = []
-    if case.inside_model and best.coexisting:
+    if problem.inside_model and best.coexisting:
         inside = [bool(one.solution.validity.inside) for one in best.coexisting]
         told = f"{sum(inside)} of {len(inside)}"
         checked.append(Check("orbits of random starts are inside the model", all(inside), told))
-    for limit in case.limits:
+    for limit in problem.limits:
         name = limit.statistic
         motions: list[tuple[Found, float]] = [(one.solution, OF_ORBIT) for one in best.coexisting]
         if best.orbit is not None and best.settles:
@@ -114,21 +110,21 @@ def _limits(best: Confirmed, case: Case) -> tuple[Check, ...]:
     return tuple(checked)
 
 
-def _capacity(best: Confirmed, case: Case) -> tuple[Check, ...]:
+def _capacity(best: Confirmed, problem: Problem) -> tuple[Check, ...]:
     """Check the capacity of a crusher."""
     if best.crushing is None:
         return ()
     capacity = best.crushing.capacity
-    detail = f"{capacity:.2f} >= {case.capacity_floor:.2f} m3/h"
-    return (Check("capacity at least the floor", bool(case.reaches(capacity)), detail),)
+    detail = f"{capacity:.2f} >= {problem.capacity_floor:.2f} m3/h"
+    return (Check("capacity at least the floor", bool(problem.reaches(capacity)), detail),)
 
 
-def _ideal(best: Confirmed, case: Case) -> tuple[Check, ...]:
+def _ideal(best: Confirmed, problem: Problem) -> tuple[Check, ...]:
     """Check a crusher's force against that with an ideal joint, of which clearance takes little."""
-    if case.chamber is None:
+    if problem.chamber is None:
         return ()
     of_runs = (float(runs.by_run["foundation_rms"].min()) for runs in best.transient.values())
-    least, below = min(best.forces["foundation_rms"], *of_runs), _below_ideal(case, best)
+    least, below = min(best.forces["foundation_rms"], *of_runs), _below_ideal(problem, best)
     return (
         Check(
             "not below the ideal joint",
@@ -138,21 +134,21 @@ def _ideal(best: Confirmed, case: Case) -> tuple[Check, ...]:
     )
 
 
-def _below_ideal(case: Case, best: Confirmed) -> float:
+def _below_ideal(problem: Problem, best: Confirmed) -> float:
     """Return by how much of the ideal joint's RMS a loose joint can lower it at most.
 
     Friction that follows the surfaces' slip turns the jaw one way all the time. Its moment, at most
     the coefficient times bore radius and force, changes the forces at toggle and bearing by itself
     over the jaw's length.
     """
-    described = case.design.whole(case.design.described(best.values))
+    described = problem.design.whole(problem.design.described(best.values))
     if described["slip"] != "surface":
         return BELOW_IDEAL
     lever = described["bore_radius"] / described["jaw.length"]
     return BELOW_IDEAL + 2 * described["friction"] * lever
 
 
-def _slopes(best: Confirmed, case: Case) -> tuple[Check, ...]:
+def _slopes(best: Confirmed, problem: Problem) -> tuple[Check, ...]:
     """Check the slopes at the optimum against differences of orbits; other motions have none."""
     name, orbit = "the slopes at the optimum may be believed", best.orbit
     if orbit is None or not best.settles:
@@ -161,7 +157,7 @@ def _slopes(best: Confirmed, case: Case) -> tuple[Check, ...]:
         return (Check(name, False, NO_SLOPES),)
     good, details = True, []
     for parameter, slope in orbit.slopes.items():
-        low, high = case.design.bounds[parameter]
+        low, high = problem.design.bounds[parameter]
         apart = orbit.slopes_apart[parameter]
         of_slope, of_value = apart / max(abs(slope), 1e-300), apart * (high - low)
         of_value /= max(abs(best.objective), 1e-300)
@@ -181,7 +177,7 @@ def _beside_map(answer: Answer, unit: str) -> str:
     """Say by how much the optimum lies below, or above, the best point of the map."""
     if answer.bound is None:
         return "the map has no bound"
-    if not answer.stable_orbits:
+    if not (answer.maps and answer.maps.stable_orbits):
         return "the map has no stable orbit to compare the optimum with"
     gain, least = answer.bound.gain, answer.optimum and abs(answer.optimum.objective)
     where = "below" if gain >= 0 else "above"
@@ -204,11 +200,11 @@ def _agree(best: Confirmed, unit: str) -> Check:
     )
 
 
-def _motion(answer: Answer, best: Confirmed, case: Case) -> tuple[Check, ...]:
+def _motion(answer: Answer, best: Confirmed) -> tuple[Check, ...]:
     """Check that the machine comes to the numbers reported, from either start."""
     orbit = best.orbit
     if orbit is None or not orbit.stable:
-        return (_agree(best, case.objective.unit),)
+        return (_agree(best, answer.problem.objective.unit),)
     contact = ", ".join(
         f"{start} start {100 * least_contact(runs.by_run):.4g} %"
         for start, runs in best.transient.items()
@@ -230,45 +226,21 @@ def _motion(answer: Answer, best: Confirmed, case: Case) -> tuple[Check, ...]:
         not worst,
         coexisting(best) or "none came to a motion that repeats",
     )
-    return comes, *_decaying(best, orbit), alone, _stationary(answer, best, case)
+    return comes, alone, _stationary(answer, best)
 
 
-def _decaying(best: Confirmed, orbit: Orbit) -> tuple[Check, ...]:
-    """Check that measurable oscillations decay at least as fast as the multiplier says.
-
-    A wide oscillation, for which the contact is not linear, may decay faster. One that cannot be
-    measured is no evidence against the multiplier.
-    """
-    swings = {start: runs.decay for start, runs in best.transient.items() if runs.decay is not None}
-    if not swings:
-        return ()
-    says, good, details = decay.rate(orbit), True, []
-    for start, swing in swings.items():
-        if why := decay.unmeasurable(swing, says):
-            details.append(f"{start} start not measurable ({why})")
-            continue
-        good &= swing.rate >= says - decay.ERRORS * swing.error
-        details.append(f"{start} start {swing.rate:.2g} ± {swing.error:.1g}")
-    check = Check(
-        "oscillations decay as fast as the multiplier says",
-        good,
-        f"the multiplier gives a decay by {says:.2g} a turn, measured: {', '.join(details)}; "
-        f"rule: at most {decay.ERRORS:g} standard errors slower",
-    )
-    return (check,)
-
-
-def _stationary(answer: Answer, best: Confirmed, case: Case) -> Check:
+def _stationary(answer: Answer, best: Confirmed) -> Check:
     """Check the conditions of Karush, Kuhn and Tucker."""
+    problem = answer.problem
     name = "a minimum: each parameter at an active constraint, or without slope"
     if np.isnan(list(answer.free_slopes.values())).any():
         return Check(name, False, NO_SLOPES)
-    bounds = case.design.bounds
+    bounds = problem.design.bounds
     left = [
         (name, abs(slope) * (bounds[name][1] - bounds[name][0]) / abs(best.objective))
         for name, slope in answer.free_slopes.items()
     ]
-    unit, units = case.objective.unit, answer.box.units
+    unit, units = problem.objective.unit, problem.units
     details = [active(one, unit, units) for one in answer.active]
     details += [
         f"slope by {name} {share:.1g} of the objective over the box" for name, share in left
@@ -280,20 +252,20 @@ def _stationary(answer: Answer, best: Confirmed, case: Case) -> Check:
     )
 
 
-def remark(best: Confirmed | None, problem: Problem) -> str:
+def remark(answer: Answer) -> str:
     """Say what the answer leaves out."""
-    case = problem.case
+    problem, best = answer.problem, answer.optimum
     if best is None:
         return "There is no least value. Maps and runs show how the designs of the box move."
-    if problem.sought.name == "expected_rms":
+    if problem.objective.name == "expected_rms":
         return (
-            f"Least {case.objective.meaning}, by the response of orbits to it. All other numbers, "
-            "and the motions of long runs, are those under the mean load. Designs that lose "
-            f"contact under the feed more than once in {TURNS:g} turns do not count."
+            f"Least {problem.objective.meaning}, by the response of orbits to it. All other "
+            "numbers, and the motions of long runs, are those under the mean load. Designs that "
+            f"lose contact under the feed more than once in {TURNS:g} turns do not count."
         )
-    if not problem.of_the_paper:
-        return f"Least {case.objective.meaning}; the other numbers are reported beside it."
-    speeds = case.design.bounds.get("speed")
+    if problem.objective.name != "rms":
+        return f"Least {problem.objective.meaning}; the other numbers are reported beside it."
+    speeds = problem.design.bounds.get("speed")
     if speeds is None:
         return "The RMS of the foundation force at a fixed speed."
     if best.values["speed"] > speeds[0] * 1.001:
@@ -305,20 +277,21 @@ def remark(best: Confirmed | None, problem: Problem) -> str:
     )
 
 
-def quieter(answer: Answer, case: Case, maps: Maps) -> str:
+def quieter(answer: Answer) -> str:
     """Say which point of the map shakes the ground far less than the optimum, if one does."""
-    best, orbits = answer.optimum, maps.counting_orbits
-    if best is None or orbits is None or len(best.forces) == 1:
+    problem, best, maps = answer.problem, answer.optimum, answer.maps
+    orbits = None if maps is None else maps.counting_orbits
+    if best is None or maps is None or orbits is None or len(best.forces) == 1:
         return ""
-    if "shaking_rms" in case.objective.outputs:
+    if "shaking_rms" in problem.objective.outputs:
         return ""
     shaking = orbits.shaking_rms.where(orbits.counts).to_numpy().ravel()
     least = int(np.nanargmin(shaking))
     if not shaking[least] < best.forces["shaking_rms"] * (1 - ALIKE):
         return ""
     at = ", ".join(
-        f"{in_words(name)} {said(name, value, answer.box.units)}"
-        for name, value in case.design.numbers(maps.points[least]).items()
+        f"{in_words(name)} {said(name, value, problem.units)}"
+        for name, value in problem.design.numbers(maps.points[least]).items()
     )
     rms = float(orbits.foundation_rms.to_numpy().ravel()[least])
     now = quantity(best.forces["shaking_rms"], "N")

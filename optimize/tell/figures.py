@@ -16,11 +16,11 @@ from jaxcrusher.files.results import write_figure
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.pictures import mechanism, plots
 from jaxcrusher.scenes.units import said, unit_of
-from optimize.answer import Answer, Box, Confirmed
-from optimize.ask.case import Case
-from optimize.search.landscape import Maps, worst
+from optimize.answer import Answer, Confirmed
+from optimize.ask.problem import Problem
+from optimize.search.front import nondominated
+from optimize.search.landscape import worst
 from optimize.search.motions import design_motions
-from optimize.search.pareto import nondominated
 from optimize.tell.forces import name_of
 from optimize.tell.words import shown
 
@@ -28,17 +28,17 @@ OPTIMUM = {"marker": "*", "color": "C3", "markersize": 13, "linestyle": ""}
 COMPARED = {"marker": "D", "color": "C1", "markersize": 8, "linestyle": ""}
 
 
-def draw_all(
-    folder: Path, case: Case, maps: Maps, answer: Answer
-) -> tuple[list[str], dict[str, str]]:
+def draw_all(folder: Path, answer: Answer) -> tuple[list[str], dict[str, str]]:
     """Draw every figure that the design's parameters allow and that has something to show.
 
     Returns the names of the files, and why others were left out, by name.
     """
+    problem, maps = answer.problem, answer.maps
+    assert maps is not None
     drawn, omitted = [], {}
     data, orbits = maps.landscape, maps.orbits
-    if len(case.design.names) == 2:
-        if answer.stable_orbits:
+    if len(problem.design.names) == 2:
+        if maps.stable_orbits:
             assert orbits is not None
             draw_orbits(folder, answer, orbits)
             draw_settling(folder, answer, orbits)
@@ -48,27 +48,27 @@ def draw_all(
             omitted |= {"landscape.png": why, "settling.png": why}
         draw_starts(folder, answer, data)
         drawn.append("starts.png")
-    if "speed" in case.design.names and case.chamber is not None:
-        draw_capacity(folder, case.chamber, answer.box)
+    if "speed" in problem.design.names and problem.chamber is not None:
+        draw_capacity(folder, problem.chamber, problem)
         drawn.append("capacity.png")
     if answer.fronts and all(len(front.objective) == 1 for front in answer.fronts):
-        higher = "" if case.chamber is None else "a higher capacity than the optimum, nor "
+        higher = "" if problem.chamber is None else "a higher capacity than the optimum, nor "
         omitted["pareto.png"] = (
             f"nothing has to be traded, because no point of the map has {higher}a lower "
-            f"{name_of(case.rival.meaning)}{'' if higher else ' than the optimum'}"
+            f"{name_of(problem.rival.meaning)}{'' if higher else ' than the optimum'}"
         )
     elif maps.counting_orbits is not None:
-        draw_pareto(folder, case, maps.points, maps.counting_orbits, answer)
+        draw_pareto(folder, problem, maps.points, maps.counting_orbits, answer)
         drawn.append("pareto.png")
     elif data.counts.all("start").any():
-        draw_pareto(folder, case, maps.cells, data, answer)
+        draw_pareto(folder, problem, maps.cells, data, answer)
         drawn.append("pareto.png")
     else:
         omitted["pareto.png"] = "no point of the maps may be chosen"
-    draw_motions(folder, case, answer)
+    draw_motions(folder, problem, answer)
     drawn.append("motion.png")
-    if answer.optimum is not None and case.chamber is not None:
-        draw_bearings(folder, case, answer.optimum)
+    if answer.optimum is not None and problem.chamber is not None:
+        draw_bearings(folder, problem, answer.optimum)
         drawn.append("bearings.png")
     return drawn, omitted
 
@@ -77,7 +77,7 @@ def draw_orbits(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
     """Draw the map of the objective on periodic orbits, with descents and designs."""
     fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
     stable = _looks_stable(orbits)
-    plots.plot_landscape(orbits.objective.where(stable), ax, units=answer.box.units)
+    plots.plot_landscape(orbits.objective.where(stable), ax, units=answer.problem.units)
     _mark(ax, answer, descents=True, open_cells=not bool(stable.all()))
     write_figure(folder / "landscape.png", fig)
 
@@ -86,7 +86,7 @@ def draw_settling(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
     """Draw the map of the turns in which a disturbance of the orbit falls to 1/e."""
     fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
     stable = _looks_stable(orbits)
-    turns, units = orbits.settling_turns.where(stable), answer.box.units
+    turns, units = orbits.settling_turns.where(stable), answer.problem.units
     across, up = plots.axes_of(turns.dims)
     mesh = ax.pcolormesh(
         shown(across, orbits[across].to_numpy(), units),
@@ -115,7 +115,7 @@ def draw_starts(folder: Path, answer: Answer, data: xr.Dataset) -> None:
         "whirl": data.whirl.any("start"),
         "outside the contact model": ~data.inside_model.all("start"),
     }
-    plots.plot_landscape(worst(data), ax, marks=marks, units=answer.box.units)
+    plots.plot_landscape(worst(data), ax, marks=marks, units=answer.problem.units)
     _mark(ax, answer)
     write_figure(folder / "starts.png", fig)
 
@@ -127,7 +127,7 @@ def _mark(ax: Axes, answer: Answer, *, descents: bool = False, open_cells: bool 
     if open_cells:
         label = "no stable periodic orbit found"
         handles.append(Patch(facecolor="0.6", edgecolor="w", label=label))
-    names, units = plots.axes_of(answer.box.bounds), answer.box.units
+    names, units = plots.axes_of(answer.problem.design.bounds), answer.problem.units
     for i, descent in enumerate(answer.refinement if descents else ()):
         path = (shown(name, np.asarray(descent.path[name]), units) for name in names)
         lines = ax.plot(*path, "w.-", linewidth=0.8, markersize=2, label="descents")
@@ -148,15 +148,15 @@ def _marker(title: str) -> dict[str, Any]:
     return OPTIMUM if title == "optimum" else COMPARED
 
 
-def draw_capacity(folder: Path, chamber: CrushingChamber, box: Box) -> None:
+def draw_capacity(folder: Path, chamber: CrushingChamber, problem: Problem) -> None:
     """Draw the capacity over speed, with the box searched."""
-    low, high = box.bounds["speed"]
+    low, high = problem.design.bounds["speed"]
     fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
     speeds = np.linspace(0.6 * low, 1.25 * high, 200)
-    plots.plot_capacity(chamber, speeds, box.capacity_floor, ax, units=box.units)
-    unit, one = unit_of("speed", box.units)
+    plots.plot_capacity(chamber, speeds, problem.capacity_floor, ax, units=problem.units)
+    unit, one = unit_of("speed", problem.units)
     ax.axvspan(low / one, high / one, color="C2", alpha=0.15, label="box searched")
-    reached = float(chamber.highest_speed(box.capacity_floor)) / one
+    reached = float(chamber.highest_speed(problem.capacity_floor)) / one
     if math.isfinite(reached):
         label = f"floor reached at {reached:.4g} {unit}"
         ax.axvline(reached, color="0.4", linestyle=":", label=label)
@@ -165,7 +165,7 @@ def draw_capacity(folder: Path, chamber: CrushingChamber, box: Box) -> None:
 
 
 def draw_pareto(
-    folder: Path, case: Case, units: np.ndarray, data: xr.Dataset, answer: Answer
+    folder: Path, problem: Problem, units: np.ndarray, data: xr.Dataset, answer: Answer
 ) -> None:
     """Draw the objective against a crusher's capacity and the rival, at a map's points and designs.
 
@@ -173,17 +173,21 @@ def draw_pareto(
     worse start counts: its front is what no other point beats in both.
     """
     transient = "start" in data.dims
-    force = case.rival
+    force = problem.rival
     (statistic,) = force.outputs
     worse = data[["objective", statistic]].max("start") if transient else data
     counts = data.counts.all("start") if transient else data.counts
     objective, forces = (
         worse[name].where(counts).to_numpy().ravel() for name in ("objective", statistic)
     )
-    kilo, unit = (1e3, "kN") if answer.objective.unit == "N" else (1.0, answer.objective.unit)
+    kilo, unit = (
+        (1e3, "kN")
+        if answer.problem.objective.unit == "N"
+        else (1.0, answer.problem.objective.unit)
+    )
     of_axes = [(forces, 1.0, 1e3, f"{force.meaning} (kN)")]
-    if case.chamber is not None:
-        of_axes.insert(0, (case.capacity(units), -1.0, 1.0, "capacity (m³/h)"))
+    if problem.chamber is not None:
+        of_axes.insert(0, (problem.capacity(units), -1.0, 1.0, "capacity (m³/h)"))
     with plt.rc_context(plots.STYLE):
         fig, axes = plt.subplots(
             1, len(of_axes), figsize=(plots.WIDTH, 3.4), layout="constrained", squeeze=False
@@ -203,7 +207,7 @@ def draw_pareto(
                 ax.set_title("nothing to trade", fontsize=8)
             ax.plot(line[0] / kilo, line[1] / one, "s-", color="C0", markersize=size, label="front")
             meaning = "worse start" if transient else "periodic orbit"
-            ax.set_xlabel(f"{answer.objective.meaning}, {meaning} ({unit})")
+            ax.set_xlabel(f"{answer.problem.objective.meaning}, {meaning} ({unit})")
             ax.set_ylabel(heading)
         for title, design in answer.designs.items():
             least, highest = _numbers(design, statistic, transient)
@@ -247,9 +251,9 @@ def _numbers(design: Confirmed, statistic: str, transient: bool) -> tuple[float,
     return design.orbit.objective, float(design.orbit.solution[statistic])
 
 
-def draw_bearings(folder: Path, case: Case, design: Confirmed) -> None:
+def draw_bearings(folder: Path, problem: Problem, design: Confirmed) -> None:
     """Draw where the frame carries the machine, at O and C, when the toggle presses hardest."""
-    scene = case.design.build(case.design.described(design.values)).ideal()
+    scene = problem.design.build(problem.design.described(design.values)).ideal()
     times = 2 * np.pi / design.speed * np.linspace(0, 1, 73)
     turn = jc.simulate(scene, times, outputs=mechanism.DRAWN)
     hardest = int(np.argmax(np.linalg.norm(turn["toggle_reaction"], axis=1)))
@@ -260,7 +264,7 @@ def draw_bearings(folder: Path, case: Case, design: Confirmed) -> None:
     write_figure(folder / "bearings.png", fig)
 
 
-def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
+def draw_motions(folder: Path, problem: Problem, answer: Answer) -> None:
     """Draw the pin's path and the leading force of both designs after their long runs."""
     fig, axes = plt.subplots(
         2,
@@ -271,11 +275,11 @@ def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
         squeeze=False,
     )
     turns = np.linspace(0, 2, 4001)
-    motions = design_motions(case, list(answer.designs.values()), turns)
+    motions = design_motions(problem, list(answer.designs.values()), turns)
     for column, (title, design) in enumerate(answer.designs.items()):
-        scene = case.design.build(case.design.described(design.values))
+        scene = problem.design.build(problem.design.described(design.values))
         joint, clearance = scene.joints.names[0], float(scene.joints.values[0].clearance)
-        of_speed = said("speed", design.speed, answer.box.units)
+        of_speed = said("speed", design.speed, answer.problem.units)
         times = 2 * np.pi / design.speed * turns
         ideal = jc.simulate(scene.ideal(), times, outputs=(leading_force(scene),))
         for row, (start, motion) in enumerate(motions[column].items()):

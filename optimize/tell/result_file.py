@@ -6,12 +6,36 @@ from typing import Any
 
 from jaxcrusher.orbits.result import PeriodicOrbit
 from optimize.answer import Answer, Confirmed
+from optimize.search.confirm import long_window
 from optimize.search.orbits import KEPT
+
+# Fields of the answer that are told otherwise: maps are files of their own.
+OTHERWISE = ("problem", "maps", "ends")
 
 
 def content(answer: Answer) -> dict[str, Any]:
     """Return the answer as nested dicts, with NaN where there is no number."""
-    return _plain(answer) | {"throughput": answer.throughput}  # t/h
+    problem, of = answer.problem, answer.problem.objective
+    names = (field.name for field in fields(answer) if field.name not in OTHERWISE)
+    return {
+        "objective": {"name": of.name, "unit": of.unit, "meaning": of.meaning},
+        "box": {
+            "bounds": dict(problem.design.bounds),
+            "capacity_floor": problem.capacity_floor,
+            "derived_speed": problem.speeds,
+            "units": dict(problem.units),
+            "limits": _plain(problem.limits),
+        },
+        "fixed": dict(problem.design.fixed),
+        "columns": {name: one[:2] for name, one in problem.columns.items()},
+        "settle_turns": long_window(problem.effort).settle,
+        "compared_with": problem.compared_with,
+        "bulk_density": problem.bulk_density,
+        "seed": problem.effort.seed,
+        "stable_orbits": None if answer.maps is None else answer.maps.stable_orbits,
+        **{name: _plain(getattr(answer, name)) for name in names},
+        "throughput": answer.throughput,  # t/h
+    }
 
 
 def _plain(value: Any) -> Any:

@@ -1,7 +1,7 @@
 """The tables of the report's page: headings in words with units, and rows."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from jaxcrusher.crusher.capacity import CAUTION
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
@@ -11,7 +11,7 @@ from jaxcrusher.scenes.units import said, unit_of
 from jaxcrusher.sheets.load_sheet import MOVING, Row, joint_states
 from jaxcrusher.sheets.severity import SOURCE
 from optimize.answer import Answer, Confirmed, Runs
-from optimize.search.decay import GONE, rate, resolved
+from optimize.search.confirm import long_window
 from optimize.tell import words as formatting
 from optimize.tell.forces import besides, name_of
 from optimize.tell.table import Table, as_text
@@ -26,7 +26,7 @@ STAGES = {
     "refinement": "descents",
     "confirmation": "long runs",
     "bound": "cells halved for the bound",
-    "coexisting": "orbits of random starts, decay",
+    "coexisting": "orbits of random starts",
     "fronts": "fronts",
 }
 DESCENTS = {"gradient": "exact gradients", "fits": "fits to noisy runs"}
@@ -50,7 +50,7 @@ LIMITS = (
 
 def limits(found: Answer) -> tuple[str, ...]:
     """Return the limits of what the numbers say, of a crusher more than of another linkage."""
-    return LIMITS if found.box.derived_speed is None else (*OF_A_CRUSHER, *LIMITS)
+    return LIMITS if found.problem.speeds is None else (*OF_A_CRUSHER, *LIMITS)
 
 
 def caution(found: Answer) -> str:
@@ -60,7 +60,7 @@ def caution(found: Answer) -> str:
 
 def answer(found: Answer) -> Table:
     """Return the designs, a row each, for the page; turned, for the screen."""
-    objective, unit = found.objective, found.objective.unit
+    objective, unit = found.problem.objective, found.problem.objective.unit
     rows = []
     for title, design in found.designs.items():
         others = besides(design.forces, objective.meaning)
@@ -68,7 +68,9 @@ def answer(found: Answer) -> Table:
         row: dict[str, object] = {"design": title, **_chosen(found, design.values)}
         row |= _following(found, design) | {f"periodic orbit, {unit}": formatting.orbit(design)}
         for start, runs in design.transient.items():
-            heading = f"{start} start after {found.settle_turns} turns, {unit}"
+            heading = (
+                f"{start} start after {long_window(found.problem.effort).settle} turns, {unit}"
+            )
             row[heading] = formatting.interval(runs)
         row |= {f"{meaning}, N": design.forces[name] for name, meaning in others.items()}
         row[f"ideal joints' {of_ideal}, N"] = formatting.number(design.ideal_rms)
@@ -94,7 +96,7 @@ def _crushing(found: Answer, title: str, design: Confirmed) -> dict[str, str]:
 
 def _following(found: Answer, design: Confirmed) -> dict[str, str]:
     """Return the numbers of a design that follow from the free ones, by heading."""
-    units = found.box.units
+    units = found.problem.units
     return {
         f"{in_words(name)} that follows, {unit_of(name, units)[0]}": _number(name, value, units)
         for name, value in design.follows.items()
@@ -151,12 +153,12 @@ def checks(found: Answer) -> Table:
 
 def slopes(found: Answer) -> Table | None:
     """Return the slopes at the optimum, in the units of the tables; None where there are none."""
-    best, unit = found.optimum, found.objective.unit
+    best, unit = found.optimum, found.problem.objective.unit
     if best is not None and best.orbit is not None and best.settles:
         orbit = best.orbit
         rows = []
         for name, slope in orbit.slopes.items():
-            factor = unit_of(name, found.box.units)[1]
+            factor = unit_of(name, found.problem.units)[1]
             row = {
                 "by": _per(found, name, unit),
                 "slope": slope * factor,
@@ -170,7 +172,7 @@ def slopes(found: Answer) -> Table | None:
 
 def fronts(found: Answer) -> list[Table]:
     """Return the fronts of more than one point."""
-    unit, told = found.objective.unit, found.objective.meaning
+    unit, told = found.problem.objective.unit, found.problem.objective.meaning
     tables = []
     for front in found.fronts:
         if len(front.objective) == 1:
@@ -191,9 +193,9 @@ def fronts(found: Answer) -> list[Table]:
 
 def candidates(found: Answer) -> Table:
     """Return the ends of the descents, confirmed."""
-    unit, rows = found.objective.unit, []
+    unit, rows = found.problem.objective.unit, []
     for i, one in enumerate(found.candidates):
-        others = besides(one.forces, found.objective.meaning)
+        others = besides(one.forces, found.problem.objective.meaning)
         row = {
             "": i + 1,
             **_chosen(found, one.values),
@@ -208,7 +210,7 @@ def candidates(found: Answer) -> Table:
 
 def descents(found: Answer) -> Table:
     """Return both ends of each local search."""
-    unit, rows = found.objective.unit, []
+    unit, rows = found.problem.objective.unit, []
     for i, one in enumerate(found.refinement):
         row = {"": i + 1, "by": DESCENTS.get(one.by, one.by), "evaluations": one.evaluations}
         for end, at in (("first", 0), ("last", -1)):
@@ -219,50 +221,24 @@ def descents(found: Answer) -> Table:
 
 
 def motions(found: Answer) -> Table:
-    """Return how each design moves from each start, and how its oscillations decay."""
+    """Return how each design moves from each start."""
     rows = [
-        (f"{title}, {start} start", *_motion(runs, design))
+        (f"{title}, {start} start", _motion(runs, design))
         for title, design in found.designs.items()
         for start, runs in design.transient.items()
     ]
-    headings = (
-        "",
-        "motion",
-        "oscillation of the pin now, clearances",
-        "its decay a turn, %",
-        "± (two standard errors)",
-        "decay a turn by the multiplier, %",
-        f"turns until it is {GONE:g} clearances",
-    )
-    return Table(headings, rows)
+    return Table(("", "motion"), rows)
 
 
-def _motion(runs: Runs, design: Confirmed) -> Iterable[str]:
-    swing, orbit = runs.decay, design.orbit
-    if not runs.settles or orbit is None:
-        return ("no orbit; `python -m jaxcrusher regimes` names it", *[""] * 5)
-    by_multiplier = f"{100 * rate(orbit):.2g}"
-    if swing is None:
-        return ("towards the orbit, in contact", "", "", "", by_multiplier, "")
-    if swing.last < resolved(swing):
-        size = f"below {resolved(swing):.1g}"
-        # A coarser integration does not tell when.
-        gone = "0" if resolved(swing) <= GONE else ""
-        return ("on the orbit, in contact", size, "", "", by_multiplier, gone)
-    turns = max(0.0, math.log(swing.last / GONE) * float(orbit.solution.settling_turns))
-    return (
-        "towards the orbit, in contact",
-        f"{swing.last:.2g}",
-        f"{100 * swing.rate:.2g}",
-        f"{200 * swing.error:.1g}",
-        by_multiplier,
-        f"{float(f'{turns:.2g}'):.0f}",
-    )
+def _motion(runs: Runs, design: Confirmed) -> str:
+    if not runs.settles or design.orbit is None:
+        return "no orbit; `python -m jaxcrusher regimes` names it"
+    return "towards the orbit, in contact"
 
 
 def coexisting(found: Answer) -> Table | None:
     """Return the stable orbits that random starts come to; None where none was looked for."""
-    unit = found.objective.unit
+    unit = found.problem.objective.unit
     rows = [
         (title, f"{one.share:.0%}", one.solution.period, one.objective)
         for title, design in found.designs.items()
@@ -277,7 +253,7 @@ def runs(found: Answer, design: Confirmed) -> Table:
     first, *_ = design.transient.values()
     rows = []
     for name in first.by_run:
-        of, meaning = found.columns[name]
+        of, meaning, *_ = found.problem.columns[name]
         columns = (one.by_run[name].tolist() for one in design.transient.values())
         rows.append(
             (
@@ -290,19 +266,19 @@ def runs(found: Answer, design: Confirmed) -> Table:
 
 def box(found: Answer) -> Table:
     """Return the box that was searched."""
-    bounds = found.box.bounds.items()
+    bounds = found.problem.design.bounds.items()
     ends = [_chosen(found, {name: pair[end] for name, pair in bounds}) for end in (0, 1)]
     rows = [(heading, lowest, ends[1][heading]) for heading, lowest in ends[0].items()]
-    if found.box.derived_speed is not None:
-        unit, one = unit_of("speed", found.box.units)
-        low, high = (speed / one for speed in found.box.derived_speed)
+    if found.problem.speeds is not None:
+        unit, one = unit_of("speed", found.problem.units)
+        low, high = (speed / one for speed in found.problem.speeds)
         rows += [
-            ("capacity, m³/h", f"{found.box.capacity_floor:.3g}", "none"),
+            ("capacity, m³/h", f"{found.problem.capacity_floor:.3g}", "none"),
             (f"speed by capacity, {unit}", f"{low:.4g}", f"{high:.4g}"),
         ]
     rows += [
         (f"{in_words(limit.statistic)}, {limit.unit}", "none", f"{limit.most:.5g}")
-        for limit in found.box.limits
+        for limit in found.problem.limits
     ]
     return Table(("", "lowest", "highest"), rows)
 
@@ -321,15 +297,17 @@ def fixed(found: Answer) -> Table:
     rows = [
         (
             in_words(name),
-            said(name, value, found.box.units) if isinstance(value, float) else str(value),
+            said(name, value, found.problem.units) if isinstance(value, float) else str(value),
         )
-        for name, value in found.fixed.items()
+        for name, value in found.problem.design.fixed.items()
     ]
-    if found.box.derived_speed is None:
+    if found.problem.speeds is None:
         return Table(("", "value"), rows)
     rows += [
         (in_words(name), f"{readable(name, NUMBERS[name].default)} *")
-        for name in borrowed({**found.fixed, **found.box.bounds, **_follow(found)})
+        for name in borrowed(
+            {**found.problem.design.fixed, **found.problem.design.bounds, **_follow(found)}
+        )
     ]
     return Table(("", "value, * of the PE250x400"), rows)
 
@@ -346,7 +324,7 @@ def versions(found: Answer) -> Table:
 
 def _chosen(found: Answer, values: Mapping[str, float]) -> dict[str, str]:
     """Return values of the free parameters as text, by heading."""
-    units, chosen = found.box.units, {}
+    units, chosen = found.problem.units, {}
     for name, value in values.items():
         heading = f"{in_words(name)}, {unit_of(name, units)[0]}".rstrip(", ")
         chosen[heading] = _number(name, value, units)
@@ -364,4 +342,4 @@ def _two(error: float) -> str:
 
 
 def _per(found: Answer, name: str, unit: str) -> str:
-    return f"{in_words(name)}, {unit} per {unit_of(name, found.box.units)[0] or '1'}"
+    return f"{in_words(name)}, {unit} per {unit_of(name, found.problem.units)[0] or '1'}"

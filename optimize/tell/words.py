@@ -10,6 +10,7 @@ from jaxcrusher.joint.validity import Validity
 from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import said, unit_of
 from optimize.answer import Active, Answer, Confirmed, Runs
+from optimize.search.confirm import long_window
 from optimize.tell.forces import besides, name_of, opposed, quantity
 
 # A number this near a bound of its box, as a share, is at it: rounding.
@@ -86,7 +87,7 @@ def answer(found: Answer) -> str:
 
     A sentence before it says so where one of the two forces falls and the other one rises.
     """
-    best, other = found.optimum, found.seed_choice
+    best, other = found.optimum, found.reference
     if best is None or other is None:
         return f"No design may be chosen: {found.empty}." if found.empty else ""
     ends = _ends(found, best)
@@ -96,12 +97,12 @@ def answer(found: Answer) -> str:
         clearance = f"{1e3 * best.crushing.clearance:.3g} mm of radial clearance"
         shown.append(_with_bound(clearance, ends.get("clearance")))
     shown += [
-        _with_bound(f"{in_words(name)} {said(name, value, found.box.units)}", ends.get(name))
+        _with_bound(f"{in_words(name)} {said(name, value, found.problem.units)}", ends.get(name))
         for name, value in best.values.items()
         if name not in ("speed", "clearance")
     ]
     against, reasons = [], []
-    if found.stable_orbits == 0:
+    if found.maps is not None and found.maps.stable_orbits == 0:
         against.append("the map of the box found no stable orbit of one turn")
     if why := _unconfirmed(found):
         against.append("not confirmed")
@@ -113,15 +114,15 @@ def answer(found: Answer) -> str:
     if best.crushing is not None and ends.get("speed") == "lowest":
         place += ", if wear and rock that waits for the jaw, which are not counted, allow it"
     text = f"the best is {place}, " if against else f"Run it at {place}: "
-    unit = found.objective.unit
-    text += f"{name_of(found.objective.meaning)} {quantity(best.objective, unit)}"
+    unit = found.problem.objective.unit
+    text += f"{name_of(found.problem.objective.meaning)} {quantity(best.objective, unit)}"
     if best.averaged:
         text += " as the mean of long runs"
     if other.counts and other.objective > best.objective > 0:
         less = 100 * (1 - best.objective / other.objective)
         than = quantity(other.objective, unit)
-        text += f", {less:.1f} % less than {than} at the {found.compared_with}"
-    for name, meaning in besides(best.forces, found.objective.meaning).items():
+        text += f", {less:.1f} % less than {than} at the {found.problem.compared_with}"
+    for name, meaning in besides(best.forces, found.problem.objective.meaning).items():
         text += f"; {name_of(meaning)} {quantity(best.forces[name], 'N')}"
         text += f" against {quantity(other.forces[name], 'N')}" if other.counts else ""
     before = f"{'; '.join(against)}: " if against else ""
@@ -132,7 +133,7 @@ def answer(found: Answer) -> str:
 def _ends(found: Answer, best: Confirmed) -> dict[str, str]:
     """Return at which end of its box a free number stands, of those that stand at one."""
     ends = {}
-    for name, bounds in found.box.bounds.items():
+    for name, bounds in found.problem.design.bounds.items():
         for bound, words in zip(bounds, ("lowest", "highest"), strict=True):
             if math.isclose(best.values[name], bound, rel_tol=AT_END, abs_tol=0.0):
                 ends[name] = words
@@ -152,10 +153,10 @@ def _with_bound(said: str, limit: str | None) -> str:
 
 def trade(found: Answer) -> str:
     """Say that one force falls and the other rises, from the design compared with, or nothing."""
-    before, after = found.seed_choice, found.optimum
+    before, after = found.reference, found.optimum
     if before is None or after is None or not (before.counts and after.counts):
         return ""
-    return opposed(before.forces, after.forces, found.compared_with)
+    return opposed(before.forces, after.forces, found.problem.compared_with)
 
 
 def _unconfirmed(found: Answer) -> str:
@@ -199,7 +200,8 @@ def limits(design: Confirmed) -> str:
 def error(answer: Answer) -> str:
     """Explain the numbers of the starts."""
     counts = {runs.count for one in answer.designs.values() for runs in one.transient.values()}
+    settled = long_window(answer.problem.effort).settle
     return (
-        f"Numbers of the starts are averages after {answer.settle_turns} turns; ± is half a 95 % "
-        f"interval, from {max(counts)} independent runs"
+        f"Numbers of the starts are averages after {settled} turns; ± is half a 95 % interval, "
+        f"from {max(counts)} independent runs"
     )

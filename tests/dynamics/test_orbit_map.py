@@ -47,8 +47,8 @@ class _Made(orbits._Solutions):
     """A search whose solver is made up: it notes which case is tried from which orbit."""
 
     def __init__(self, count, good):
-        problem = orbits.Problem(told, told, 1, 2)
-        super().__init__(problem, (np.zeros((count, 0)), {}), 4, 16, None, None)
+        sought = orbits.Sought(told, (told,), 1, 2)
+        super().__init__(sought, (np.zeros((count, 0)), {}), 4, 16, None, None)
         self.tried, self.good, self.error = [], good, dict.fromkeys(range(count), 0.0)
 
     def run(self, function, given, *_, **__):

@@ -16,8 +16,8 @@ from jaxcrusher.basics.following import Following, Instant
 from jaxcrusher.basics.integrate import (
     RESULTS,
     Carried,
+    InitialValueProblem,
     Integration,
-    Problem,
     integrate,
     pi_controller,
 )
@@ -78,7 +78,7 @@ def _follow(kept, before, start, end):
 FOLLOWING = Following(lambda swing: (-1e9, 0.5), _watch, _follow)
 # What parabolas and trapezia leave of the steps, which rounding moves: one in some hundred fails.
 OF_STEPS = 1e-4
-PROBLEM = Problem(_initial, _field, _observe, _summarise, FOLLOWING)
+PROBLEM = InitialValueProblem(_initial, _field, _observe, _summarise, FOLLOWING)
 
 
 def _run(swing, solver=None, rtol=1e-9, max_steps=10_000, times=TIMES, problem=PROBLEM):
@@ -215,7 +215,9 @@ def test_a_number_that_is_not_finite_fails_whatever_it_does():
     """NaN stands for a number outside of its limits, and one that is only compared hides it."""
     swings = _swings(4)
     odd = Swing(swings.stiffness, np.array([0.0, np.nan, 0.0, np.inf]), swings.exponent)
-    function = eqx.Partial(_run, problem=Problem(_initial, _bent, _observe, _summarise, FOLLOWING))
+    function = eqx.Partial(
+        _run, problem=InitialValueProblem(_initial, _bent, _observe, _summarise, FOLLOWING)
+    )
     (found, ends), (_, expected) = in_lanes(function, odd), _in_turn(function, odd)
     np.testing.assert_array_equal(expected.success, [True, False, True, False])
     _equal((ends.success, ends.reached), (expected.success, expected.reached))
@@ -260,7 +262,9 @@ def test_what_lanes_cannot_do_is_done_in_turn_and_said():
         map_all(_twice, swings, engine=in_lanes)
     with pytest.warns(UserWarning, match="Lanes do not know the solver `Heun`"):
         map_all(eqx.Partial(_run, solver=diffrax.Heun(), rtol=1e-3), swings, engine=in_lanes)
-    median = Problem(_initial, _field, _observe, lambda seen, *_: jnp.sort(seen["place"])[10])
+    median = InitialValueProblem(
+        _initial, _field, _observe, lambda seen, *_: jnp.sort(seen["place"])[10]
+    )
     with pytest.warns(UserWarning, match="Lanes do not know the primitive `sort`"):
         map_all(eqx.Partial(_run, problem=median, rtol=1e-3), swings, engine=in_lanes)
 

@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 
 from jaxcrusher.basics.following import Following, Instant
-from jaxcrusher.basics.integrate import Carried, Integration, Problem, integrate, pi_controller
+from jaxcrusher.basics.integrate import (
+    Carried,
+    InitialValueProblem,
+    Integration,
+    integrate,
+    pi_controller,
+)
 from jaxcrusher.mechanism.reductions import (
     LARGEST,
     LEAST,
@@ -97,7 +103,7 @@ def impact(speed, **how):
 
         return {name: of(name, "force" if name == "most" else "place") for name in FOLLOWED}
 
-    problem = Problem(
+    problem = InitialValueProblem(
         lambda speed: Carried((jnp.asarray(-GAP), speed), None),
         lambda time, y, speed: Carried((y.motion[1], -_force(y)), None),
         lambda time, y, speed: None,

@@ -59,9 +59,9 @@ LEAKS = """
 import jaxcrusher as jc
 jc.set_up()
 import diffrax, jax, jax.numpy as jnp
-from jaxcrusher.basics.integrate import Carried, Integration, Problem, integrate
+from jaxcrusher.basics.integrate import Carried, Integration, InitialValueProblem, integrate
 from jaxcrusher.basics.integrate import pi_controller
-problem = Problem(
+problem = InitialValueProblem(
     lambda start: Carried(start, {"sum": jnp.zeros(())}),
     lambda time, y, start: Carried(-y.motion, {"sum": y.motion}),
     lambda time, y, start: y.motion,

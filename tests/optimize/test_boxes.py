@@ -9,8 +9,7 @@ from rich.console import Console
 
 from optimize.ask import constraints as counts
 from optimize.ask.options import Options
-from optimize.ask.problem import resolve
-from optimize.design_search import run
+from optimize.ask.resolve import resolve
 from optimize.search import confirm, orbits, stages
 from optimize.tell import figures
 from optimize.tell import words as formatting
@@ -39,7 +38,7 @@ def test_losses_are_counted_by_their_reason():
     rows["success"][0, 0] = rows["success"][:, 1] = 0
     rows["whirl"][1, 2] = 1
     rows["objective"][0, 3] = np.nan
-    case = resolve(Options(capacity_floor=6.0)).case
+    case = resolve(Options(capacity_floor=6.0))
     assert counts.losses(case, rows, np.array([7.0, 7.0, 7.0, 5.0]), "designs") == (
         "of 4 designs 2 failed to integrate, 1 come to a friction whirl, "
         "1 have no number of the objective, 1 are below the capacity of 6 m3/h (the highest is 7 "
@@ -67,7 +66,7 @@ def test_a_box_without_a_design(tmp_path, monkeypatch):
     assert formatting.answer(answer).startswith("No design may be chosen: of 4 points")
     assert [check.passed for check in answer.checks] == [False]
     # The design to compare with is looked at all the same, and no gap is called an interruption.
-    assert answer.seed_choice is not None and "paper&#39;s choice" in page
+    assert answer.reference is not None and "paper&#39;s choice" in page
     assert "No design may be chosen" in page and "ended before" not in page
     assert "pareto.png is not drawn: no point of the maps may be chosen" in page
     # Into a file a line for each stage, as it begins, and no bars.
@@ -93,11 +92,11 @@ def test_a_box_without_an_orbit(tmp_path, monkeypatch):
         "_by_fits",
         lambda problem, start, work: (
             start,
-            stages.Refinement("fits", problem.case.design.values(start[None]), 1.0, 1.0, 1, {}),
+            stages.Refinement("fits", problem.design.values(start[None]), 1.0, 1.0, 1, {}),
         ),
     )
     answer, page, _ = searched(tmp_path, monkeypatch)
-    assert answer.stable_orbits == 0 and answer.optimum is not None
+    assert answer.maps.stable_orbits == 0 and answer.optimum is not None
     assert formatting.answer(answer).startswith(
         "The map of the box found no stable orbit of one turn: the best is"
     )
@@ -136,6 +135,6 @@ def test_a_joint_that_is_ideal_in_the_paper_is_compared_with_its_default():
     free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))
     options = Options(design=free)
     problem = resolve(options)
-    assert problem.searched.reference == {"speed": 39.0, "pivot.clearance": 0.06e-3}
+    assert problem.reference == {"speed": 39.0, "pivot.clearance": 0.06e-3}
     title = "paper's choice with clearance 0.06 mm and pivot clearance 0.06 mm"
-    assert problem.searched.compared_with == title
+    assert problem.compared_with == title

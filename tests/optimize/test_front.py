@@ -5,15 +5,15 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from optimize.search.pareto import nondominated
 
-from optimize.ask.case import Case
 from optimize.ask.options import Options
-from optimize.ask.problem import resolve
+from optimize.ask.problem import Problem
+from optimize.ask.resolve import resolve
 from optimize.search import smooth
 from optimize.search.active import active_constraints
 from optimize.search.descents import descend
 from optimize.search.front import front
-from optimize.search.pareto import nondominated
 from optimize.tell.checks import _slopes, _stationary
 
 UPPER = np.ones(2)
@@ -76,7 +76,7 @@ def test_a_descent_stops_at_its_floor():
     np.testing.assert_allclose(found.gradient, 0.4, atol=1e-6)
 
 
-def a_case(floor: float, slope: tuple[float, float]) -> Case:
+def a_case(floor: float, slope: tuple[float, float]) -> Problem:
     """Two numbers in boxes 2 and 5 wide, and links that decide the capacity."""
     names, bounds = ("a", "b"), {"a": (0.0, 2.0), "b": (0.0, 5.0)}
     design = SimpleNamespace(
@@ -144,7 +144,7 @@ def test_volume_is_that_of_the_links_of_each_design():
     """A power of 1 W over what the chamber of a design crushes, not over the paper's."""
     stroke = ("shaft.eccentricity", "8", "16 mm")
     options = Options(objective="wear", design=(("speed", "25", "40 rad/s"), stroke))
-    case = resolve(options).case
+    case = resolve(options)
     unit = np.array([0.3, 0.9])
     described = case.design.description(unit)
     found, chamber = cast(Any, {"sliding_power": 1.0}), case.chamber_of(described)

@@ -9,7 +9,7 @@ import pytest
 import jaxcrusher as jc
 from optimize.ask.limits import OF_ORBIT, OF_RUN, Limit, read_limits
 from optimize.ask.options import Options
-from optimize.ask.problem import resolve
+from optimize.ask.resolve import resolve
 from optimize.search import orbits, smooth
 from optimize.search.active import active_constraints
 from optimize.search.descents import descend
@@ -61,7 +61,7 @@ def test_a_number_that_is_none_keeps_no_limit():
 
 def test_the_objective_of_an_orbit_knows_scene_and_chamber():
     """An energy over the capacity of the chamber at the scene's speed, J/m3."""
-    case = resolve(Options(objective="energy")).case
+    case = resolve(Options(objective="energy"))
     unit = np.full(2, 0.5)
     scene = case.design.scene(unit)
     orbit = jc.periodic_orbit(scene)
@@ -79,7 +79,7 @@ def test_multiplier_of_a_limit_is_what_its_last_newton_costs():
     """
     limit, step = 1400.0, 5.0
     free = (("counterweight.mass", "0", "50 kg"), ("counterweight.angle", "120 deg", "240 deg"))
-    case = resolve(Options(design=free, limit=(("shaking_rms", f"{limit!r} N"),))).case
+    case = resolve(Options(design=free, limit=(("shaking_rms", f"{limit!r} N"),)))
     of_limit = smooth.negative(smooth.limited(case, case.limits[0]))
     end, above, below = (
         descend(smooth.objective(case), np.array([0.9, 0.6]), case.upper, 60, spares)

@@ -12,8 +12,7 @@ import pytest
 from rich.console import Console
 
 from optimize.ask.options import Options
-from optimize.ask.problem import resolve
-from optimize.design_search import run
+from optimize.ask.resolve import resolve
 from optimize.search import orbits, stages
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -39,20 +38,15 @@ def shaking(speed: float, centre: float = 0.025) -> float:
 
 def test_what_is_free_is_named_by_the_file():
     problem = resolve(PUMP)
-    assert (
-        problem.sought.name == "shaking_rms"
-        and problem.searched.compared_with == "scene file's choice"
-    )
-    assert problem.searched.reference == pytest.approx(
-        {"joints.B.clearance": 5e-5, "speed": 30 * np.pi}
-    )
-    assert problem.box.units == {"joints.B.clearance": "mm", "speed": "rpm"} | problem.box.units
-    case = problem.case
+    assert problem.sought.name == "shaking_rms" and problem.compared_with == "scene file's choice"
+    assert problem.reference == pytest.approx({"joints.B.clearance": 5e-5, "speed": 30 * np.pi})
+    assert problem.units == {"joints.B.clearance": "mm", "speed": "rpm"} | problem.units
+    case = problem
     assert case.chamber is None and case.forces == ("shaking_rms",)
     assert case.rival.outputs == ("B_force_peak",)
     assert np.isnan(case.capacity(np.zeros((2, 2)))).all()
     assert case.reaches(case.capacity(np.zeros((2, 2)))).all()
-    assert resolve(replace(PUMP, objective="B_force_peak")).case.rival.outputs == ("shaking_rms",)
+    assert resolve(replace(PUMP, objective="B_force_peak")).rival.outputs == ("shaking_rms",)
 
 
 @pytest.mark.parametrize(
@@ -105,7 +99,7 @@ def test_a_set_frees_what_balances_a_linkage():
     # The crank may bear counterweights, the rod moves by a tenth of its length.
     assert bounds["bodies.crank.mass_centre.x"] == pytest.approx((-0.025, 0.075))
     assert bounds["bodies.rod.mass_centre.y"] == pytest.approx((-0.012, 0.012))
-    assert balance.searched.reference["bodies.rod.mass_centre.y"] == 0.0
+    assert balance.reference["bodies.rod.mass_centre.y"] == 0.0
     machine = resolve(replace(PUMP, design=(("machine",),)))
     more = {*machine.case.design.names} - {*bounds}
     assert {"bodies.plunger.mass", "bodies.rod.inertia", "joints.B.restitution"} < more
@@ -121,10 +115,10 @@ def test_a_crank_is_balanced_by_an_objective_of_one_s_own(tmp_path, monkeypatch)
     problem = resolve(replace(PUMP, design=design, objective="own_objective:SQUARE"))
     assert problem.sought.name == "own_objective:SQUARE" and problem.sought.unit == "N2"
     assert re.fullmatch("own_objective:SQUARE [0-9a-f]{16}", problem.settings["objective"])
-    made, name = problem.case.design, "bodies.crank.mass_centre.x"
-    start = dict(problem.searched.reference) | {"speed": 20 * np.pi}
+    made, name = problem.design, "bodies.crank.mass_centre.x"
+    start = dict(problem.reference) | {"speed": 20 * np.pi}
     units = np.array([made.unit(start | {name: x}) for x in (0.025, -0.01)])
-    rows = orbits.solve(problem.case, units)
+    rows = orbits.solve(problem, units)
     assert rows["counts"].all()
     for at, x in enumerate((0.025, -0.01)):
         # A quiet pin of 0.05 mm in a throw of 50 mm changes the force by less than a thousandth.
@@ -144,7 +138,7 @@ def test_a_pump_is_searched_with_map_certificate_and_report(tmp_path, monkeypatc
     run(options, Console(file=written, width=200))
     result = json.loads((tmp_path / "pump" / "result.json").read_text())
     assert result["status"] == "finished"
-    best, other = result["optimum"], result["seed_choice"]
+    best, other = result["optimum"], result["reference"]
     # What shakes rises with the speed's square.
     assert best["values"]["speed"] == pytest.approx(20 * np.pi, rel=1e-12)
     # The force of rigid links without play is known; a quiet pin that moves by less than 0.1 mm in

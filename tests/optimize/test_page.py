@@ -36,9 +36,9 @@ from optimize.answer import (
     Runs,
     Sought,
 )
-from optimize.ask.case import Case
 from optimize.ask.design import Design
 from optimize.ask.objectives import OBJECTIVES
+from optimize.ask.problem import Problem
 from optimize.search import stages
 from optimize.search.evaluate import STARTS, Tracking
 from optimize.search.motions import cell_motions
@@ -181,7 +181,7 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
         refinement=(Refinement("fits", path, 19000.0, 18250.0, 24, {}),),
         candidates=(optimum, replace(other, objective=np.nan)),
         optimum=optimum,
-        seed_choice=other,
+        reference=other,
         bound=Bound(None, None, 0, 0.0, "Nothing is said of what lies between."),
         checks=(Check("inside the box", True, EVIL), Check("both starts agree", False, "")),
         remark="Wear is not counted.",
@@ -296,8 +296,8 @@ def test_strokes_stand_beside_the_capacity_with_a_caution(tmp_path):
 def test_numbers_that_follow_stand_beside_the_free_ones():
     """On the page a row is a design, on the screen a column."""
     found, follows = hand_made_answer(), {"shaft.eccentricity": 6.7e-3, "counterweight.mass": 11.0}
-    other = replace(found.seed_choice, follows=follows | {"counterweight.mass": 0.0})
-    found = replace(found, optimum=replace(found.optimum, follows=follows), seed_choice=other)
+    other = replace(found.reference, follows=follows | {"counterweight.mass": 0.0})
+    found = replace(found, optimum=replace(found.optimum, follows=follows), reference=other)
     table = tables.answer(found)
     assert table.headings[2:5] == (
         "clearance, mm",
@@ -364,8 +364,8 @@ def test_page_of_a_periodic_orbit(tmp_path):
     }
     optimum = replace(found.optimum, orbit=orbit, transient=runs)
     active = (Active("clearance", "lowest", 51000.0),)
-    other = replace(found.seed_choice, objective=21796.4)
-    found = replace(found, optimum=optimum, seed_choice=other, active=active)
+    other = replace(found.reference, objective=21796.4)
+    found = replace(found, optimum=optimum, reference=other, active=active)
     values = {"speed": np.array([25.0, 25.0]), "clearance": np.array([0.03e-3, 0.05e-3])}
     ends, forces = np.array([18243.4, 18300.0]), {"shaking_rms": np.array([3135.0, np.nan])}
     front = Front("capacity", "m3/h", "capacity", ends, np.array([7.5, 7.9]), values, forces)
@@ -567,7 +567,7 @@ def test_motions_go_on_from_the_landscape():
     # So fast that two turns of impacts end before trajectories diverge (like exp(200 t)).
     bounds = {"speed": (25.0, 250.0), "clearance": (3e-5, 6e-5)}
     design = Design(bounds, jc.paper_machine(friction=0.05))
-    case = Case(design, OBJECTIVES["rms"], CrushingChamber())
+    case = Problem(design, OBJECTIVES["rms"], CrushingChamber())
     cells = {"start": list(STARTS), "speed": [25.0, 250.0], "clearance": [3e-5, 6e-5]}
     after = [jc.statistics(scene(*cell), 0, 1, **AFTER).state for cell in product(*cells.values())]
     states = np.stack(after).reshape(2, 2, 2, -1)

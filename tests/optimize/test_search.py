@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
+from optimize.search.pareto import nondominated
 from rich.console import Console
 from rich.progress import Progress as Bars
 
@@ -31,15 +32,13 @@ from optimize.ask.constraints import of_orbits
 from optimize.ask.limits import Limit
 from optimize.ask.objectives import OBJECTIVES, OF_SUPPORTS, plain
 from optimize.ask.options import Options
-from optimize.ask.problem import resolve
-from optimize.design_search import run
+from optimize.ask.resolve import resolve
 from optimize.search import bound, confirm, decay, landscape, smooth, stages
 from optimize.search import descents as local
 from optimize.search import orbits as periodic
 from optimize.search.bound import Points, _at_most, _motion, optimality_bound, refined, unbounded
 from optimize.search.cells import ROUGHER, Cells, beside
 from optimize.search.evaluate import Window, evaluate, judged
-from optimize.search.pareto import nondominated
 from optimize.tell import checks as verdicts
 from optimize.tell import words as formatting
 from tests.optimize.by_hand import (
@@ -95,7 +94,7 @@ def test_result_holds_the_evidence(finished):
     folder, returned = finished
     result = json.loads((folder / "result.json").read_text())
     assert result["status"] == "finished"
-    optimum, other = result["optimum"], result["seed_choice"]
+    optimum, other = result["optimum"], result["reference"]
     # The RMS rises with speed and clearance: the box's lower corner, to the last bit, and the
     # steady-state RMS solved for by another program (to its ten digits).
     assert optimum["values"] == {"speed": 25.0, "clearance": pytest.approx(0.03e-3, rel=1e-15)}
@@ -158,7 +157,7 @@ def test_the_closing_screen(finished):
     # 80 columns and 40 lines hold it, with every digit.
     text = printed(answer)
     assert "18243.41" in text and "19102.32" in text and "…" not in text
-    shaking = answer.seed_choice.forces["shaking_rms"]
+    shaking = answer.reference.forces["shaking_rms"]
     assert re.search(rf"RMS of the shaking force, N +3135 +{shaking:.5g} *\n", text)
     assert text.count("\n") < 39 and "11 of 11 checks passed." in text
     wrong = Check("inside the box", False, "speed 24.9 in 25 to 40 rad/s")
@@ -173,7 +172,7 @@ def test_the_closing_screen(finished):
         answer,
         box=replace(answer.box, bounds=bounds),
         optimum=replace(answer.optimum, values=values),
-        seed_choice=replace(answer.seed_choice, values=values),
+        reference=replace(answer.reference, values=values),
     )
     text = printed(answer)
     assert re.search(r"optimum +scene file's choice *\n", text)
@@ -219,7 +218,7 @@ def bounded(monkeypatch):
     It returns the bound, the points, and how often points were run, solved for and waited for. Runs
     come to so much `above` the optimum.
     """
-    case = resolve(Options(**SMALL)).case
+    case = resolve(Options(**SMALL))
     units = landscape.points(case.design, (7, 4), 0, 0)
     best = SimpleNamespace(objective=2e4, values=case.design.numbers(CENTRE))
     repeats = tuple(confirm.Repeats(runs, Window(1, 1, 1e-6), 0) for runs in (2, 3))
@@ -289,14 +288,14 @@ def test_the_bound_is_of_the_optimum_that_is_reported(monkeypatch, tmp_path):
     """Of one that random starts bring to an orbit of 700 N more than its own."""
     problem = resolve(Options(**SMALL))
     rows = rows_of_three_runs() | {"objective": np.full((2, 3), 2e4)}
-    best = confirm.confirmed(problem.case, CENTRE, rows, orbit_by_hand(objective=2e4))
-    maps = map_of_the_bowl(problem.case)
+    best = confirm.confirmed(problem, CENTRE, rows, orbit_by_hand(objective=2e4))
+    maps = map_of_the_bowl(problem)
     loud = Coexisting(0.5, solution_by_hand(), 20700.0)
     for module, name, found in (
         (bound, "solve", bowl),
         (periodic, "coexisting", lambda *_: (loud,)),
         (stages, "refine", lambda *_: (None, {})),
-        (stages, "confirm", lambda *_: (best, {"seed_choice": best})),
+        (stages, "confirm", lambda *_: (best, {"reference": best})),
         (stages, "with_decay", lambda case, designs: list(designs)),
         (stages, "load_sheets", lambda *_: {}),
         (stages, "trade", lambda *_: ()),
@@ -315,7 +314,7 @@ def test_the_bound_is_of_the_optimum_that_is_reported(monkeypatch, tmp_path):
 
 def test_an_optimum_that_does_not_settle_is_held_against_the_map():
     """Its mean lies 500 N above the bowl's least, which is 6 N below that of the map."""
-    case = resolve(Options(**SMALL)).case
+    case = resolve(Options(**SMALL))
     best: Any = SimpleNamespace(settles=False, objective=20500.0, half_width=1.0)
     maps = map_of_the_bowl(case)
     found = unbounded(case, maps, best)
@@ -466,7 +465,7 @@ def test_interval_is_students():
 
 
 def test_a_design_is_judged_by_what_its_worse_start_comes_to():
-    case, rows, orbit = resolve(Options()).case, rows_of_three_runs(), orbit_by_hand()
+    case, rows, orbit = resolve(Options()), rows_of_three_runs(), orbit_by_hand()
     one = confirm.confirmed(case, np.zeros(2), rows, orbit)
     assert one.settles and one.objective == 7.0
     assert one.forces == {"foundation_rms": 8.0, "shaking_rms": 5.0}
@@ -495,7 +494,7 @@ def test_a_design_is_judged_by_what_its_worse_start_comes_to():
 
 def test_an_orbit_outside_the_model_does_not_count_if_asked():
     """It is asked for its own verdict; rows of runs have a column."""
-    case = replace(resolve(Options()).case, inside_model=True)
+    case = replace(resolve(Options()), inside_model=True)
     for ratio, counts in ((0.9, True), (1.1, False)):  # of an elastic impact
         validity, orbit = Validity(*jnp.array([0.1, ratio, 0.9, 0.9, 1e-3])), orbit_by_hand()
         orbit = replace(orbit, solution=replace(orbit.solution, validity=validity))
@@ -514,7 +513,7 @@ def test_an_orbit_outside_the_model_does_not_count_if_asked():
 
 def test_slopes_of_another_motion_than_the_one_from_rest_are_not_told(monkeypatch):
     """At 38.24 rad/s, with the slip of the surfaces, their sign was the wrong one."""
-    case, solution = resolve(Options()).case, solution_by_hand(foundation_rms=8.0)
+    case, solution = resolve(Options()), solution_by_hand(foundation_rms=8.0)
     monkeypatch.setattr(periodic.jc, "periodic_orbit", lambda *_, **__: solution)
     for objective, known in ((8.0, True), (7.95, False), (np.nan, False)):
         rows = {"objective": np.full(5, objective), "slope": np.ones((5, 2))}
@@ -527,7 +526,7 @@ def test_slopes_of_another_motion_than_the_one_from_rest_are_not_told(monkeypatc
 
 def test_the_worst_orbit_brings_its_own_error_and_one_without_a_number_hides_none():
     """Runs of 2 ± 2.5 N, and random starts that come to an orbit of 9 N, known to 9e-9 N."""
-    case, rows = resolve(Options()).case, rows_of_three_runs()
+    case, rows = resolve(Options()), rows_of_three_runs()
     one = confirm.confirmed(case, np.zeros(2), rows, no_orbit())
     loud, nothing = (Coexisting(0.5, solution_by_hand(), value) for value in (9.0, float("nan")))
     for found in ((nothing, loud), (loud, nothing)):
@@ -537,7 +536,7 @@ def test_the_worst_orbit_brings_its_own_error_and_one_without_a_number_hides_non
 
 
 def test_motions_of_random_starts_that_have_no_number_or_break_a_limit_fail_a_check():
-    case = replace(resolve(Options()).case, limits=(Limit("foundation_peak", 8.0, "N"),))
+    case = replace(resolve(Options()), limits=(Limit("foundation_peak", 8.0, "N"),))
     loose, quiet = solution_by_hand(), solution_by_hand(foundation_peak=7.0)
     best = confirm.confirmed(case, np.zeros(2), rows_of_three_runs(), orbit_by_hand())
     answer: Any = SimpleNamespace(free_slopes={"speed": float("nan")})
@@ -567,7 +566,7 @@ def test_what_is_said_of_the_force_is_true_of_it():
         ideal_rms=18240.0,
         values={"speed": 40.0, "clearance": 3e-5},
     )
-    (one,) = verdicts._ideal(best, problem.case)
+    (one,) = verdicts._ideal(best, problem)
     assert not one.passed and one.detail.startswith("RMS 18000 N >= 18240 N")
     assert verdicts.remark(best, problem) == "The least RMS lies above the lowest speed allowed."
 
@@ -590,7 +589,7 @@ def test_an_optimum_is_not_compared_with_a_map_that_has_no_orbit(stable):
 
 def test_a_difference_of_forces_is_as_uncertain_as_the_force():
     """An excess of 0.5 N of an RMS of 8 N, which is known to 1e-9 of itself."""
-    case = resolve(Options(objective="excess")).case
+    case = resolve(Options(objective="excess"))
     rows, orbit = rows_of_three_runs(), orbit_by_hand(objective=0.5)
     rows["objective"][:] = 0.1
     assert confirm.confirmed(case, np.zeros(2), rows, orbit).half_width == pytest.approx(8e-9)
@@ -599,7 +598,7 @@ def test_a_difference_of_forces_is_as_uncertain_as_the_force():
 def test_the_limits_of_every_loose_joint_are_kept():
     """A pivot that approaches at twice the elastic limit is named, beside a main joint inside."""
     free = (("speed", "25", "40rad/s"), ("pivot.clearance", "0.02", "0.1mm"))
-    case = resolve(Options(design=free)).case
+    case = resolve(Options(design=free))
     usual = jc.build_scene({"pivot.clearance": 5e-5}).usual_statistics
     columns = columns_of_row(
         {"main": "", "pivot": "pivot_"}, tuple((name, STATISTIC[name]) for name in usual)
@@ -639,7 +638,7 @@ def test_checks_fail_where_their_rules_are_broken(finished):
     assert "both starts come to the periodic orbit" in failed(optimum=left)
     # A slope that no constraint balances.
     assert failed(free_slopes={"speed": answer.active[0].multiplier})[0].startswith("a minimum")
-    assert failed(seed_choice=replace(answer.seed_choice, objective=1.0)) == [
+    assert failed(reference=replace(answer.reference, objective=1.0)) == [
         "better than the scene file's choice"
     ]
     assert failed(bound=replace(answer.bound, gain=-1.0)) == ["not worse than any point of the map"]
@@ -681,7 +680,7 @@ def test_a_design_is_judged_by_the_worst_that_random_starts_come_to(finished):
     assert best.coexisting[0].objective == pytest.approx(best.objective, rel=1e-9)
     twice = solution_by_hand(period=2, foundation_rms=1.9e4, shaking_rms=9e3)
     loud, problem = Coexisting(0.2, twice, 1.9e4), resolve(Options(**QUIET))
-    judged_by = stages.by_worst_orbit(problem.case, best, (*best.coexisting, loud))
+    judged_by = stages.by_worst_orbit(problem, best, (*best.coexisting, loud))
     assert judged_by.objective == 1.9e4
     assert judged_by.forces == {"foundation_rms": 1.9e4, "shaking_rms": 9e3}
     checks = verdicts.checks(replace(answer, optimum=judged_by), problem)
@@ -692,7 +691,7 @@ def test_a_design_is_judged_by_the_worst_that_random_starts_come_to(finished):
     )
     # What does not count is not made to count.
     uncounted = replace(best, objective=float("nan"))
-    assert not stages.by_worst_orbit(problem.case, uncounted, (loud,)).counts
+    assert not stages.by_worst_orbit(problem, uncounted, (loud,)).counts
 
 
 def maps_of(points: np.ndarray, orbits: xr.Dataset) -> landscape.Maps:
@@ -710,7 +709,7 @@ def test_the_answer_says_first_what_shakes_the_ground_more(finished):
     _, answer = finished
 
     def shaking(times: float) -> Confirmed:
-        loud = {"shaking_rms": times * answer.seed_choice.forces["shaking_rms"]}
+        loud = {"shaking_rms": times * answer.reference.forces["shaking_rms"]}
         return replace(answer.optimum, forces=answer.optimum.forces | loud)
 
     shaken = shaking(1.5)
@@ -723,11 +722,11 @@ def test_the_answer_says_first_what_shakes_the_ground_more(finished):
     # Nor does a force of 0.01 % more rise, nor one go another way than a design without a number.
     same = replace(answer, optimum=shaking(1.0001))
     assert formatting.answer(same).startswith("Run it at")
-    none = replace(answer.seed_choice, objective=float("nan"))
-    assert formatting.answer(replace(answer, optimum=shaken, seed_choice=none)).startswith(
+    none = replace(answer.reference, objective=float("nan"))
+    assert formatting.answer(replace(answer, optimum=shaken, reference=none)).startswith(
         "Run it at"
     )
-    case, points = resolve(Options()).case, np.array([[0.0, 0.0], [0.5, 1.0], [1.0, 1.0]])
+    case, points = resolve(Options()), np.array([[0.0, 0.0], [0.5, 1.0], [1.0, 1.0]])
     columns = {"shaking_rms": [3135.0, 1555.0, 100.0], "foundation_rms": [18e3, 19e3, 20e3]}
     orbits = xr.Dataset({name: ("cell", column) for name, column in columns.items()})
     orbits["counts"] = "cell", [True, True, False]
@@ -818,23 +817,23 @@ def test_what_is_not_the_paper_s_choice_is_told():
         (choice, ""),
     ):
         problem = resolve(Options(design=free, overrides=given))
-        assert problem.searched.compared_with == f"paper's choice{others}"
+        assert problem.compared_with == f"paper's choice{others}"
 
 
 def test_capacity_is_the_scene_s(tmp_path):
     """Floor and capacities of a chamber twice as wide; the paper's to the last bit; free links."""
     problem, chamber = resolve(Options()), CrushingChamber()
-    assert problem.searched.reference == {"speed": 39.0, "clearance": 3e-5}
-    assert problem.searched.compared_with == "paper's choice"
-    paper = problem.case
+    assert problem.reference == {"speed": 39.0, "clearance": 3e-5}
+    assert problem.compared_with == "paper's choice"
+    paper = problem
     assert paper.capacity_floor == float(chamber.capacity(25.0)) / 1.67
-    faster = resolve(Options(speed=("42", "50rad/s"))).case
+    faster = resolve(Options(speed=("42", "50rad/s")))
     assert faster.capacity_floor == float(chamber.capacity(42.0)) / 1.67
     ends = np.array([[0.0, 0.0], [1.0, 1.0]])
     assert paper.capacity(ends).tolist() == [float(chamber.capacity(v)) for v in (25.0, 40.0)]
     file = tmp_path / "wide.toml"
     file.write_text('[chamber]\nwidth = "0.8 m"\n[shaft]\neccentricity = "11 mm"')
-    own = resolve(Options(scene=file, speed=("20", "35rad/s"))).case
+    own = resolve(Options(scene=file, speed=("20", "35rad/s")))
     width = 2 * 0.0340246 - 1.1 * 7.449e-3
     # The stroke is nearly proportional to the eccentricity, and a ninth of the width.
     expected = 2 * float(chamber.capacity(20.0)) * width / 0.0606
@@ -843,7 +842,7 @@ def test_capacity_is_the_scene_s(tmp_path):
     assert own.capacity_floor == pytest.approx(float(own.capacity(ends[0])) / 1.67, rel=1e-12)
     assert own.upper.tolist() == [pytest.approx((20 * 1.67 - 20) / 15), 1.0]
     free = (("shaft.eccentricity", "10", "11 mm"), ("speed", "20", "35 rad/s"))
-    links = resolve(Options(scene=file, design=free)).case
+    links = resolve(Options(scene=file, design=free))
     assert links.capacity(np.array([[1.0, 0.0]]))[0] == pytest.approx(
         float(own.capacity(ends[0])), rel=1e-9
     )
@@ -855,12 +854,12 @@ def test_a_key_of_the_scene_file_may_be_set(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text('[jaw]\nmass = "500 kg"\ninertia = "100 kg m2"')
     problem = resolve(Options(scene=file, overrides=(("jaw.mass", "0.48 tonne"),)))
-    assert problem.case.design.fixed == {"jaw.mass": 480.0, "jaw.inertia": 100.0}
-    assert problem.box.units["jaw.mass"] == "tonne"
+    assert problem.design.fixed == {"jaw.mass": 480.0, "jaw.inertia": 100.0}
+    assert problem.units["jaw.mass"] == "tonne"
 
 
 def test_points_near_a_bad_start_do_not_count():
-    case = resolve(Options()).case
+    case = resolve(Options())
     units = landscape.points(case.design, (2, 2), 2, 0)
     good = np.array([[[True, True], [True, True]], [[True, False], [True, True]]])
     dims, lost = ("start", "speed", "clearance"), np.zeros(good.shape, bool)
@@ -927,7 +926,7 @@ def test_free_parameters_by_name():
         capacity_floor=8.0,
         friction=0.05,
     )
-    case = resolve(options).case
+    case = resolve(options)
     assert case.design.names == ("speed", "clearance", "counterweight.mass")
     assert case.design.fixed["friction"] == 0.05
     units = landscape.points(case.design, options.grid, 8, 0)
@@ -944,7 +943,7 @@ def test_free_parameters_by_name():
 def test_wear_is_searched_where_friction_may_vanish():
     """A bound of zero is no machine without friction."""
     free = (("friction", "0", "0.2"),)
-    case = resolve(Options(objective="wear", slip="surface", design=free)).case
+    case = resolve(Options(objective="wear", slip="surface", design=free))
     assert case.design.bounds == {"friction": (0.0, 0.2)}
 
 
@@ -952,7 +951,7 @@ def test_wear_is_searched_where_friction_may_vanish():
 def test_the_rms_expected_under_a_rough_feed():
     """Of an orbit that bears the feed; not of one that does not, nor of an integrated motion."""
     rough = (("load_scatter", "0.2"), ("load_bandwidth", "3"))
-    case = resolve(Options(objective="expected_rms", overrides=rough)).case
+    case = resolve(Options(objective="expected_rms", overrides=rough))
     orbit = jc.periodic_orbit(case.design.scene(np.zeros(2)))
     # Of the table in rough_feed.md, to its digits; ensembles of feeds have 123.0 ± 2.8.
     above = float(case.objective.formula(orbit, orbit.scene, case.chamber)) - 18243.41
@@ -976,7 +975,7 @@ def test_a_law_of_ones_own_is_searched(tmp_path):
     free = (("crushing.size", "8", "9kN"), ("speed", "25", "26rad/s"))
     problem = resolve(Options(scene=tmp_path / "scene.toml", design=free, capacity_floor=1.0))
     assert re.fullmatch("law_of_a_search:Push [0-9a-f]{16}", problem.settings["scene"]["load_law"])
-    rows = periodic.solve(problem.case, np.array([[0.0, 0.0], [1.0, 0.0]]))
+    rows = periodic.solve(problem, np.array([[0.0, 0.0], [1.0, 0.0]]))
     plain = [
         jc.periodic_orbit(jc.build_scene({"load_law": "normal_to_jaw", "load": load, "speed": 25}))
         for load in (8e3, 9e3)
@@ -1114,7 +1113,7 @@ def test_a_descent_keeps_inside_the_model_if_asked(monkeypatch, outside_counts):
     rows = {"stable": [True], "undecided": [False], "inside_model": [False]}
     rows |= {"objective": [2.0], "slope": np.ones((1, 2))}
     monkeypatch.setattr(smooth, "solve", lambda case, units: rows)
-    case = replace(resolve(Options(**SMALL)).case, inside_model=not outside_counts)
+    case = replace(resolve(Options(**SMALL)), inside_model=not outside_counts)
     value, _ = smooth.objective(case)(np.full(2, 0.5))
     assert value == 2.0 if outside_counts else np.isnan(value)
 
@@ -1131,7 +1130,7 @@ def test_a_descent_keeps_inside_the_model_if_asked(monkeypatch, outside_counts):
 )
 def test_orbits_are_mapped_where_there_may_be_some(monkeypatch, seats, found, contact, asked):
     """A design that keeps contact, or whose nodes have an orbit, is looked for among few ones."""
-    case, calls = resolve(Options(overrides=tuple(seats.items()), **SMALL)).case, []
+    case, calls = resolve(Options(overrides=tuple(seats.items()), **SMALL)), []
     units = np.random.default_rng(0).uniform(size=(100, 2))
 
     def solve(case, points, *_, **__):
@@ -1160,7 +1159,7 @@ def test_a_box_without_contact_is_searched_by_runs_and_says_so(tmp_path):
     console = Console(file=io.StringIO(), width=200)
     answer = run(Options(out=tmp_path, name="seats", overrides=seats[:2], **QUIET), console)
     assert answer.finished and answer.optimum is not None and answer.optimum.averaged
-    assert answer.stable_orbits is None and answer.optimum.orbit is None
+    assert answer.maps.stable_orbits is None and answer.optimum.orbit is None
     assert "no design that was looked at keeps contact" in answer.bound.statement
     assert not any("slopes" in check.name for check in answer.checks)
 
@@ -1171,7 +1170,7 @@ def test_what_is_not_known_to_be_stable_is_not_unstable(monkeypatch, undecided):
     rows = {"stable": [False], "undecided": [undecided], "inside_model": [True]}
     rows |= {"objective": [2.0], "slope": np.ones((1, 2))}
     monkeypatch.setattr(smooth, "solve", lambda case, units: rows)
-    case = resolve(Options(**SMALL)).case
+    case = resolve(Options(**SMALL))
     assert np.isfinite(smooth.objective(case)(np.full(2, 0.5))[0]) == undecided
     assert of_orbits(case, rows, case.capacity(np.full((1, 2), 0.5))).tolist() == [undecided]
     nothing = np.zeros((0, 2)), xr.Dataset(), xr.Dataset(), np.zeros((1, 2))
@@ -1212,6 +1211,6 @@ def test_an_interrupted_search_goes_on_with_the_same_bits(resumed, tmp_path):
 
 def test_keys_of_a_journal_hold_values():
     """Cases that differ by a chamber's number alone, and the same case made twice."""
-    case, again = (resolve(Options()).case for _ in range(2))
+    case, again = (resolve(Options()) for _ in range(2))
     wide = replace(case, chamber=replace(case.chamber, height=jnp.asarray(0.7)))
     assert text_of(case) == text_of(again) != text_of(wide)

@@ -11,7 +11,7 @@ import jaxcrusher as jc
 from jaxcrusher.scenes.parameters import NUMBERS
 from optimize.ask.design import Design
 from optimize.ask.options import Options
-from optimize.ask.problem import resolve
+from optimize.ask.resolve import resolve
 from optimize.search import confirm, orbits
 from optimize.search import descents as local
 from tests.optimize.by_hand import rows_of_three_runs
@@ -33,7 +33,7 @@ def balance():
 def test_slopes_of_all_nine_numbers(balance):
     case, step = balance.case, 0.01
     point = np.array([0.3, 0.6, 0.7, 0.3, 0.4, 0.6, 0.5, 0.4, 0.6])
-    first, beside = case.design.unit(balance.searched.reference), step * np.eye(9)
+    first, beside = case.design.unit(balance.reference), step * np.eye(9)
     rows = orbits.solve(case, np.concatenate([[first, point], point + beside, point - beside]))
     # Printed for the ideal joint by two independent programs as 19 099 N; clearance adds 0.02 %.
     assert rows["objective"][0] == pytest.approx(19_099, rel=5e-4)
@@ -49,9 +49,9 @@ def test_slopes_of_all_nine_numbers(balance):
 
 def test_the_machine_has_twelve_numbers_more(balance):
     problem = resolve(Options(design=(("machine",),)))
-    few, many = balance.case.design, problem.case.design
+    few, many = balance.case.design, problem.design
     assert len(few.names) == 9 and len(many.names) == 21 and {*few.names} < {*many.names}
-    point = many.unit(problem.searched.reference)
+    point = many.unit(problem.reference)
     assert ((point > 0) & (point < 1)).all()
     heavy = many.description(np.where(np.array(many.names) == "load", 1.0, point))
     assert float(heavy["load"]) == pytest.approx(1.1 * 8800)
@@ -65,19 +65,19 @@ def test_equal_stroke_is_equal_capacity(balance):
     assert float(case.capacity(points)[0]) == pytest.approx(7.844, abs=5e-4)
     refused("`capacity_floor` must be reached", ("balance",), capacity_floor=8.0)
     options = Options(design=(("balance",), ("speed", "25", "40 rad/s")))
-    fast = resolve(options).case
+    fast = resolve(options)
     assert fast.upper[:9].tolist() == [1.0] * 9
     # The floor is reached at 25 rad/s times the factor of affluence, outside of the box.
     assert fast.upper[9] == 1.0
-    low = resolve(replace(options, capacity_floor=7.0)).case
+    low = resolve(replace(options, capacity_floor=7.0))
     assert low.upper[9] == pytest.approx((9.4128692 * 25 / 7 - 25) / 15, rel=1e-6)
 
 
 def test_a_line_goes_before_a_set():
     problem = resolve(Options(design=(("balance",), ("toggle.length", "295", "305 mm"))))
-    assert problem.box.bounds["toggle.length"] == (0.295, 0.305)
-    assert problem.box.bounds["jaw.length"] == pytest.approx((0.66025, 0.72975))
-    assert problem.box.units["toggle.length"] == "mm" and len(problem.box.bounds) == 9
+    assert problem.design.bounds["toggle.length"] == (0.295, 0.305)
+    assert problem.design.bounds["jaw.length"] == pytest.approx((0.66025, 0.72975))
+    assert problem.units["toggle.length"] == "mm" and len(problem.design.bounds) == 9
 
 
 def test_a_set_lies_about_the_machine_of_a_scene_file(tmp_path):
@@ -90,8 +90,8 @@ def test_a_set_lies_about_the_machine_of_a_scene_file(tmp_path):
     )
     changed = (("clearance", "0.08 mm"), ("jaw.length", "0.7 m"))
     problem = resolve(Options(design=(("balance",),), scene=path, overrides=changed))
-    made = problem.case.design
-    described = made.description(made.unit(problem.searched.reference))
+    made = problem.design
+    described = made.description(made.unit(problem.reference))
     assert made.fixed["clearance"] == 0.08e-3
     assert made.bounds["jaw.mass_centre_distance"] == pytest.approx((0.315, 0.385), rel=1e-12)
     assert made.bounds["jaw.length"] == pytest.approx((0.665, 0.735), rel=1e-12)
@@ -110,7 +110,7 @@ def test_a_design_knows_what_follows_from_its_numbers(balance):
         ("counterweight.moment_along", "0", "6 kg m"),
         ("counterweight.moment_across", "0", "8 kg m"),
     )
-    case = resolve(Options(design=moment)).case
+    case = resolve(Options(design=moment))
     one = confirm.confirmed(case, np.full(2, 0.5), rows_of_three_runs(), None)
     radius = NUMBERS["counterweight.radius"].default
     assert one.follows == pytest.approx(
@@ -125,7 +125,7 @@ def test_a_stroke_that_is_kept_is_another_question(balance):
     kept = balance
     lines = tuple(
         (name, repr(float(low)), f"{float(high)!r} {NUMBERS[name].unit}")
-        for name, (low, high) in kept.box.bounds.items()
+        for name, (low, high) in kept.design.bounds.items()
     )
     free = resolve(Options(design=lines))
     assert free.settings["bounds"] == kept.settings["bounds"] and free.case.links_free

@@ -35,7 +35,7 @@ def pack(landscape: xr.Dataset, motions: xr.Dataset | None, answer: Answer) -> d
     from matplotlib.colors import to_hex
 
     dims = _cell_dims(landscape)
-    units = answer.box.units
+    units = answer.problem.units
     parameters = _parameters(landscape, dims, units)
     best = answer.optimum
     return {

@@ -6,7 +6,6 @@ from importlib.resources import files
 from pathlib import Path
 
 import jinja2
-import xarray as xr
 from markupsafe import Markup
 
 from jaxcrusher.files.results import write_text
@@ -41,8 +40,6 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-s
 def write_page(
     folder: Path,
     answer: Answer,
-    landscape: xr.Dataset | None,
-    motions: xr.Dataset | None,
     figures: Sequence[str],
     omitted: Mapping[str, str] | None = None,
 ) -> Path:
@@ -52,12 +49,11 @@ def write_page(
 
     - `folder`: of the run; its name is the title.
     - `answer`: as far as the search came; what is missing is named.
-    - `landscape`: as `optimize.search.landscape.dataset` gives it, or None.
-    - `motions`: of its cells, as `optimize.search.motions.cell_motions` returns them, or None.
     - `figures`: of `FIGURES`, those that this run drew: others in the folder are an earlier run's.
     - `omitted`: why others had nothing to draw, by name.
     """
-    data = None if landscape is None else page_data.pack(landscape, motions, answer)
+    maps = answer.maps
+    data = None if maps is None else page_data.pack(maps.landscape, maps.motions, answer)
     failed, count = sum(not check.passed for check in answer.checks), len(answer.checks)
     page = _template().render(
         name=folder.name,
@@ -75,7 +71,8 @@ def write_page(
         error=formatting.error(answer) if answer.designs else "",
         verdict=f"{failed} of {count} failed." if failed else f"All {count} passed.",
         active=[
-            formatting.active(one, answer.objective.unit, answer.box.units) for one in answer.active
+            formatting.active(one, answer.problem.objective.unit, answer.problem.units)
+            for one in answer.active
         ],
         tables=_tables(answer),
         figures=[_figure(folder, name) for name in figures if name != SKETCH],
