@@ -291,13 +291,15 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
 
     def more() -> Iterator[Try]:
         """Yield what twice the nodes lead to, and shooting from what nodes do not resolve."""
-        if bounds.nodes > NODES:
-            yield search.by_nodes(None, turns, 2 * NODES)
+        if bounds.nodes > begin:
+            yield search.by_nodes(None, turns, 2 * begin)
         if _is_unresolved(first.orbit):
             # What Newton's method converged to is near the orbit that loses contact.
             yield from shots(first.orbit.section)
 
-    first, rounds = search.by_nodes(search.guess, turns), wait.rounds()
+    # An unbounded search needs the more nodes sooner or later: one program then serves all orbits.
+    begin = NODES if bounds.bounded else 2 * NODES
+    first, rounds = search.by_nodes(search.guess, turns, begin), wait.rounds()
     if turns == 1 and bool(first.orbit.stable) and bool(first.orbit.way == WAYS.damping):
         pins = pins_of(scene)
         section = np.asarray(first.orbit.section)[None, pins]

@@ -13,13 +13,15 @@ def print_answer(console: Console, answer: Answer) -> None:
     def tell(line: str) -> None:
         console.print(line, highlight=False, markup=False)
 
+    if not answer.finished:
+        tell(f"The search {answer.status}. The same command goes on from there.")
     tell(formatting.answer(answer))
     if answer.designs:
         console.print(tables.answer(answer).turned.printed())
         tell(tables.caution(answer))
     failed = [check for check in answer.checks if not check.passed]
-    count = len(answer.checks)
-    tell(f"{count - len(failed)} of {count} checks passed.")
+    if count := len(answer.checks):
+        tell(f"{count - len(failed)} of {count} checks passed.")
     for check in failed:
         console.print(f"[red]failed[/] {check.name}: {check.detail}")
     if answer.bound is not None:
