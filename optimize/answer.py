@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from jaxcrusher.crusher.capacity import throughput
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.sheets.load_sheet import Row
 from optimize.ask.limits import Limit
-from optimize.ask.throughput import throughput
 
 
 @dataclass(frozen=True)

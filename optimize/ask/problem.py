@@ -17,6 +17,7 @@ from jaxcrusher.scenes.parameters import PE250X400, in_words, key_of, readable
 from jaxcrusher.scenes.reader import (
     kind_of,
     naming,
+    read_bulk_density,
     read_entries,
     read_machine,
     read_scene_file,
@@ -31,7 +32,6 @@ from optimize.ask.limits import read_limits
 from optimize.ask.objectives import OBJECTIVES, OF_SUPPORTS, Objective, own_objective, plain
 from optimize.ask.options import Effort, Options
 from optimize.ask.sets import SETS, SETS_OF, Bounds, ranges, sets, written_bounds
-from optimize.ask.throughput import read_bulk_density
 from optimize.search.landscape import GRID_DIMENSIONS
 
 # The paper's choice, Section 5.3.
