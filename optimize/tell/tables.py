@@ -355,7 +355,7 @@ def _chosen(found: Answer, values: Mapping[str, float]) -> dict[str, str]:
 
 def _number(name: str, value: float, units: Mapping[str, str]) -> str:
     """Return a parameter as text, in the unit that it was given in."""
-    return f"{shown(name, value, units):.5g}"
+    return f"{shown(name, value, units):.6g}"
 
 
 def _per(found: Answer, name: str, unit: str) -> str:

@@ -87,10 +87,12 @@ def test_a_number_that_no_machine_has_is_not_drawn():
     assert len(draw([smooth, rubs]).axes) == len(DRAWN)
 
 
-def test_a_machine_with_ideal_joints_is_compared_and_does_not_wear():
-    ideal = compared("ideal", jc.paper_machine(joint="ideal", speed=27.0), 2, 3)
-    assert ideal.motion == "periodic orbit" and math.isnan(ideal.numbers["clearance"])
-    assert [name for name in (*CALLED, *PER_VOLUME) if math.isnan(ideal.numbers[name])] == ["wear"]
+@pytest.mark.parametrize("without", [{"joint": "ideal"}, {"friction": 0.0}])
+def test_a_machine_without_friction_is_compared_and_does_not_wear(without):
+    found = compared("smooth", jc.paper_machine(**without, speed=27.0), 2, 3)
+    assert found.motion == "periodic orbit"
+    assert math.isnan(found.numbers["clearance"]) == ("joint" in without)
+    assert [name for name in (*CALLED, *PER_VOLUME) if math.isnan(found.numbers[name])] == ["wear"]
 
 
 def test_the_orbit_of_a_rough_feed_is_that_of_its_mean_load():
