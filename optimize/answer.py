@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxcrusher.crusher.capacity import throughput
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.sheets.load_sheet import Row
 from optimize.ask.constraints import may_be_stable
 from optimize.ask.problem import Problem
-from optimize.ask.throughput import throughput
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed
 from jaxcrusher.files.resume import begin_beside
+from jaxcrusher.files.text import with_error
 from jaxcrusher.joint.rollers import (
     SOURCE_OF_CLASSES,
     STATIC_PRESSURE,
@@ -195,6 +196,6 @@ def shown(
         column = (NUMBERS | {"shaking_rms": SHAKING})[name]
         unit, factor = SHOWN.get(column.unit, (column.unit, 1.0))
         pairs = zip(numbers[name].values, numbers[f"{name}_scatter"].values, strict=True)
-        texts = [table.with_scatter(factor * value, factor * scatter) for value, scatter in pairs]
+        texts = [with_error(factor * value, factor * scatter) for value, scatter in pairs]
         grid.add_row(f"{column.meaning}{'' if unit == '1' else f', {unit}'}", *texts)
     return grid

@@ -25,7 +25,7 @@ from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json, write_table, write_text
 from jaxcrusher.files.resume import begin_beside
-from jaxcrusher.files.table import digits, with_scatter
+from jaxcrusher.files.text import number, with_error
 from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.supports import Clamped
@@ -272,11 +272,6 @@ def draw(
     write_figure(path, fig, dpi=200)
 
 
-def _number(value: float | str, least: float) -> str:
-    """Return a number with four digits, and zero for one below the least."""
-    return value if isinstance(value, str) else digits(_seen(value, least))
-
-
 def _seen(value: float, least: float) -> float:
     return value if abs(value) >= least else 0.0
 
@@ -288,12 +283,14 @@ def _amount(row: Row, largest: float) -> str:
     a millionth of the unit is rounding. Of a share nothing is seen below half of a thousandth.
     """
     least = 0.05 if row.unit == "%" else 5e-4 * float(np.clip(largest, 1e-6, 1.0))
-    value, ideal = _number(row.value, least), _number(row.ideal, least)
-    low, high = _number(row.lowest, least), _number(row.highest, least)
+    value, ideal, low, high = (
+        of if isinstance(of, str) else number(_seen(of, least))
+        for of in (row.value, row.ideal, row.lowest, row.highest)
+    )
     before = "" if ideal in ("", value) else f"{ideal} | "
     scatter = 0.0 if row.scatter == "" else _seen(float(row.scatter), least)
     if scatter > 1e-4 * abs(row.value):
-        value = with_scatter(_seen(row.value, least), scatter)
+        value = with_error(_seen(row.value, least), scatter)
     phase = "" if isinstance(row.phase_rad, str) else f" at {np.degrees(row.phase_rad):z.0f}°"
     reach = f" ({low} to {high})" if low else ""
     return f"{before}{value}{phase if value != '0' else ''}{reach}"

@@ -21,9 +21,6 @@ from jaxcrusher.scenes.parameters import key_of
 from jaxcrusher.scenes.reader import naming, read_range, require_moving
 from jaxcrusher.scenes.units import all_said
 
-# What a sentence calls the forces that a machine is judged by: what frame and bearings carry, with
-# weight and crushing load, and what shakes the ground.
-CALLED = {"foundation_rms": "RMS force on the foundation", "shaking_rms": "RMS shaking force"}
 # What is assumed where nobody measured it, and what an impact rests on besides restitution.
 ASSUMED = ("load_edge", "rollers.damping")
 

@@ -263,6 +263,26 @@ class Bearing:
 
 
 @dataclass(frozen=True)
+class Compare:
+    """Crushers side by side: capacity, shaking, peaks, wear and energy.
+
+    Writes OUT/NAME/compare.csv and compare.png. The numbers are those of the periodic orbit where
+    the machine comes to one, else means over turns of the shaft. About half a minute, most of it
+    compilation.
+    """
+
+    scenes: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
+    """TOML files of the crushers."""
+    settle: int = 40
+    """Turns of the shaft before means start, where there is no orbit."""
+    turns: int = 40
+    """Turns of the shaft that means cover, where there is no orbit."""
+    bulk_density: str | None = None
+    """Bulk density of the crushed rock, as in "1.6 t/m3", for a capacity in t/h."""
+    results: Results = field(default_factory=lambda: Results("compare"))
+
+
+@dataclass(frozen=True)
 class Identify:
     """Numbers of a machine from its measured vibration, and what the data cannot tell.
 
@@ -289,4 +309,4 @@ class Identify:
     results: Results = field(default_factory=lambda: Results("identify"))
 
 
-Command = Simulate | Sweep | Regimes | Gradient | Orbit | Foundation | Bearing | Identify
+Command = Simulate | Sweep | Regimes | Gradient | Orbit | Foundation | Bearing | Compare | Identify

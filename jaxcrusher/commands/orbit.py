@@ -22,6 +22,7 @@ from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json
 from jaxcrusher.files.resume import begin_beside
+from jaxcrusher.files.text import number
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.orbits.result import PeriodicOrbit
@@ -198,8 +199,8 @@ def table(
     for name in sorted(shares, key=lambda name: -abs(shares[name])):
         unit, size = unit_of(name, machine.units)
         value = f"{values[name] / size:.6g} {unit}".rstrip() + " *" * (name in marked)
-        slope = f"{rms[name] * size:.5g} {per('N', unit)}"
-        row = name, value, slope, f"{shares[name]:.3g}", f"{shaking[name] * size:.5g}"
+        slope = f"{number(rms[name] * size)} {per('N', unit)}"
+        row = name, value, slope, f"{shares[name]:.3g}", number(shaking[name] * size)
         shown.add_row(*row[: 3 + len(slopes)])
     return shown
 

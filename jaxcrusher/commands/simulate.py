@@ -15,14 +15,16 @@ from rich.console import Console
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.batch.engines import stack
-from jaxcrusher.commands.machines import CALLED, read_machine, settings_of, write_dataset
+from jaxcrusher.commands.machines import read_machine, settings_of, write_dataset
 from jaxcrusher.commands.options import Simulate
+from jaxcrusher.crusher.template import CALLED
 from jaxcrusher.files import table as table_of
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.table import Column, vector_columns
+from jaxcrusher.files.text import number, with_error
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.simulation import Trajectory, leading_force
@@ -191,22 +193,21 @@ def closing(motion: Trajectory, summary: Statistics | None, settle: int, scene: 
         for name, force in zip(names, (leading_force(scene), "shaking_force"), strict=False):
             squares = np.asarray(motion[force]) ** 2
             rms = np.sqrt(np.mean(squares.sum(axis=1) if squares.ndim > 1 else squares))
-            parts.append(f"{CALLED[name]} {rms:.5g} N")
+            parts.append(f"{CALLED[name]} {number(rms)} N")
         parts += contact(lambda of: np.mean(motion[f"{of}penetration_ratio"] > 0))
         return (
             f"{', '.join(parts)}, over the samples (no whole turn after settling: no verdict on "
             "whirl and contact model)"
         )
-    error = float(summary.error(scene.leading))
-    # One turn tells none.
-    scatter = f" ± {float(f'{error:.2g}'):g}" if math.isfinite(error) else ""
-    parts = [f"{CALLED[scene.leading]} {float(summary[scene.leading]):.5g}{scatter} N"]
+    # One turn tells no error.
+    rms = with_error(float(summary[scene.leading]), float(summary.error(scene.leading)))
+    parts = [f"{CALLED[scene.leading]} {rms} N"]
     if (peak := scene.leading.replace("_rms", "_peak")) in summary.values:
         # Impacts hit harder in some turns than in others.
-        median = f"{np.median(summary.by_turn[peak]):.5g} N"
+        median = f"{number(np.median(summary.by_turn[peak]))} N"
         several = f" (median of the turns' peaks {median})" if summary.turns > 1 else ""
-        parts.append(f"peak {float(summary[peak]):.5g} N{several}")
-    parts += [f"{CALLED[name]} {float(summary[name]):.5g} N" for name in names[1:]]
+        parts.append(f"peak {number(float(summary[peak]))} N{several}")
+    parts += [f"{CALLED[name]} {number(float(summary[name]))} N" for name in names[1:]]
     if not scene.is_ideal:
         parts += contact(lambda of: summary[f"{of}contact_fraction"])
         parts.append("FRICTION WHIRL" if bool(summary.whirl) else "no whirl")

@@ -12,11 +12,12 @@ from rich.console import Console
 
 from jaxcrusher.basics.checks import renamed, require
 from jaxcrusher.batch.sweep import sweep
-from jaxcrusher.commands.machines import CALLED, bounds, read_axes, read_machine, write_dataset
+from jaxcrusher.commands.machines import bounds, read_axes, read_machine, write_dataset
 from jaxcrusher.commands.options import Sweep
+from jaxcrusher.crusher.template import CALLED
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.results import results_folder, write_figure
-from jaxcrusher.files.table import digits
+from jaxcrusher.files.text import number
 from jaxcrusher.pictures.plots import plot_sweep
 from jaxcrusher.scenes.units import all_said, units_of
 
@@ -102,4 +103,4 @@ def closing(grid: xr.Dataset, leading: str, units: dict[str, str]) -> str:
         return counts
     best = good.isel(good.argmin(...))  # pyright: ignore
     design = all_said({str(name): best.coords[name].item() for name in grid.sizes}, units)
-    return f"{counts}; least {CALLED[leading]} {digits(best.item())} N at {design}"
+    return f"{counts}; least {CALLED[leading]} {number(best.item())} N at {design}"

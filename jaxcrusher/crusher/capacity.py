@@ -26,6 +26,14 @@ CAUTION = (
 )
 
 
+# What a motion does to each volume that is crushed: a power (W), as a statistic is named, and what
+# `per_volume` makes of it.
+PER_VOLUME = {
+    "wear": ("sliding_power", "wear: normal force times surface slip, per volume crushed"),
+    "energy": ("drive_power", "drive energy per volume crushed"),
+}
+
+
 class CrushingChamber(Printed):
     """The chamber: Q = 60 n V mu, V = S L, S = (2b - s) h / 2, h = g t^2 / 2, t = 30 / n.
 
@@ -56,6 +64,16 @@ class CrushingChamber(Printed):
     def highest_speed(self, floor) -> Scalar:
         """The speed at which the capacity falls to `floor` (m3/h), rad/s."""
         return self.capacity(1.0) / floor
+
+
+def per_volume(power: ArrayLike, capacity: ArrayLike) -> Values:
+    """Return the energy for each volume crushed (J/m3) of a power (W) at a capacity (m3/h)."""
+    return 3600 * jnp.asarray(power) / capacity
+
+
+def throughput(capacity: float, bulk_density: float) -> float:
+    """Return the capacity in t/h of one in m3/h, at a bulk density in kg/m3."""
+    return 1e-3 * bulk_density * capacity
 
 
 def lower_end(angle: Scalar, linkage: Linkage) -> Scalar:

@@ -140,6 +140,15 @@ _EVERY = Parts(JOINTS, JOINTS, JOINTS, ("main",), supports=True, springs=True, r
 # Name -> what it is of a crusher, for where no scene is at hand: a scene has those of its parts.
 OBSERVABLES: Mapping[str, Observable] = asked_of(CRUSHER, _EVERY).observables
 STATISTIC: Mapping[str, Statistic] = asked_of(CRUSHER, _EVERY).statistics
+# What a sentence calls the forces that a machine is judged by, which tables define: what frame and
+# bearings carry, with weight and crushing load, what shakes the ground, and their largest values.
+CALLED = {
+    "foundation_rms": "RMS force on the foundation",
+    "foundation_peak": "peak force on the foundation",
+    "shaking_rms": "RMS shaking force",
+    "shaking_peak": "peak shaking force",
+    "joint_peak": "peak force in the main bearing",
+}
 # What `statistics` computes of the paper's crusher without being asked, by joint that is loose.
 STATISTICS = tuple(asked_of(CRUSHER, Parts(JOINTS, ("main",))).usual)
 ALWAYS = tuple(asked_of(CRUSHER, Parts(JOINTS, JOINTS)).usual)

@@ -19,7 +19,8 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.batch.engines import run_all
 from jaxcrusher.batch.points import make_grid
 from jaxcrusher.batch.store import Layout, opened
-from jaxcrusher.files.table import COLUMNS, digits
+from jaxcrusher.files.table import COLUMNS
+from jaxcrusher.files.text import number
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import Scene, require_scene, require_steady
 from jaxcrusher.mechanism.state import pins_of
@@ -81,7 +82,7 @@ class CoexistingOrbits:
         lines = [
             f"{share:.0%} ± {error:.0%} period {orbit.period}: "
             f"RMS {float(orbit[orbit.scene.leading]):.2f} N, "
-            f"peak {digits(float(orbit[orbit.scene.leading.replace('rms', 'peak')]))} N, "
+            f"peak {number(float(orbit[orbit.scene.leading.replace('rms', 'peak')]))} N, "
             f"least penetration {float(orbit.least_penetration):.2g} clearances, "
             f"settles in {float(orbit.settling_turns):.3g} turns"
             for orbit, share, error in zip(self.orbits, self.shares, self.share_errors, strict=True)
@@ -131,16 +132,16 @@ def coexisting_orbits(
         looks.append(seen)
         # The narrowest first: it leads to an orbit best.
         going = []
-        for number in sorted(seen, key=lambda n: _shortest(seen[n]).spread):
-            one = _shortest(seen[number])
+        for start in sorted(seen, key=lambda n: _shortest(seen[n]).spread):
+            one = _shortest(seen[start])
             place = known.about(one, NARROW if look < LOOKS - 1 else WIDE)
             if place is not None and known.held(place, one):
-                labels[number] = place
+                labels[start] = place
             else:
-                going.append(number)
-    for number in going:
-        place = known.approached(looks[LOOKS // 2 - 1][number], looks[-1][number])
-        labels[number] = -1 if place is None else place
+                going.append(start)
+    for start in going:
+        place = known.approached(looks[LOOKS // 2 - 1][start], looks[-1][start])
+        labels[start] = -1 if place is None else place
     order = sorted(range(len(known.orbits)), key=lambda i: -np.sum(labels == i))
     ranks = np.argsort([*order, len(order)])  # the last stands for none
     reasons = {

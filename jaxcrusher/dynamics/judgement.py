@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import ArrayLike, Complex
 from scipy.special import stdtrit
 
-from jaxcrusher.files.table import digits_apart
+from jaxcrusher.files.text import digits_apart
 
 # A tangent that has grown by more than exp(3) says more of the start than of the parameter.
 GROWTH = 3.0

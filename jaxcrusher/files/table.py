@@ -1,7 +1,6 @@
 """Tables of results: the unit and meaning of every column, the dataset they stand in, and CSV."""
 
 import csv
-import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -29,24 +28,6 @@ class Column(NamedTuple):
     def labels(self) -> dict[str, str]:
         """Return the attributes of the column in a dataset."""
         return {"units": self.unit, "long_name": self.meaning}
-
-
-def digits(value: float) -> str:
-    """Return a number with four digits, and a large one without decimals."""
-    return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:z.4g}"
-
-
-def digits_apart(value: float, limit: float, least: int = 4) -> int:
-    """Return how many digits tell a number from the limit that it has passed, at least `least`."""
-    counts = range(least, 17)
-    return next((n for n in counts if f"{value:.{n}g}" != f"{limit:.{n}g}"), 17)
-
-
-def with_scatter(value: float, scatter: float) -> str:
-    """Return a number with its scatter, of which two digits are known; NaN is one not known."""
-    if math.isnan(scatter):
-        return digits(value)
-    return f"{digits(value)} ± {digits(float(f'{scatter:.2g}'))}"
 
 
 # Every column of the tables that is no statistic of a scene.

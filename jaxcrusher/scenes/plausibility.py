@@ -15,7 +15,7 @@ import numpy as np
 from jaxcrusher.basics.checks import concrete
 from jaxcrusher.basics.setup import UnusualNumbers, warn_once
 from jaxcrusher.crusher.loads import AbstractConstantLoad
-from jaxcrusher.files.table import digits_apart
+from jaxcrusher.files.text import digits_apart
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
     LAWS,

@@ -302,6 +302,18 @@ def read_range(name: str, low: str, high: str, machine: Machine = PAPER) -> tupl
     return float(read_text(name, low, machine)), float(read_text(name, high, machine))
 
 
+def read_bulk_density(written: str | None) -> float | None:
+    """Return a bulk density in kg/m3, None where none is written.
+
+    Raises ValueError for a text that is no positive density.
+    """
+    if written is None:
+        return None
+    density = quantity_in("kg/m3", "bulk_density", written)
+    require(density > 0, "bulk_density", "be > 0", written)
+    return density
+
+
 def require_parameter(name: str, machine: Machine = PAPER) -> None:
     """ValueError, with near misses, for a name that is none of a machine's numbers."""
     if name in machine.choices:

@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from jaxcrusher.basics.checks import require, require_choice
-from jaxcrusher.files.table import digits_apart
+from jaxcrusher.files.text import digits_apart
 
 # Zone boundaries by group of machines: RMS of the velocity, mm/s, and of the displacement, um. A is
 # that of new machines, D may damage.

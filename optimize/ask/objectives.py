@@ -11,6 +11,7 @@ from jaxtyping import Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import nan_unless, require
+from jaxcrusher.crusher.capacity import PER_VOLUME, per_volume
 from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.mechanism.reductions import PEAK, PowerMean, Statistic
 from jaxcrusher.motion.statistics import Statistics
@@ -85,10 +86,10 @@ def _expected(found: Statistics | PeriodicOrbit, scene: jc.Scene, _) -> Scalar:
 
 
 def _per_volume(name: str) -> Formula:
-    """A power (W) over the capacity (m3/h), in J/m3."""
+    """A power (W) for each volume crushed, in J/m3."""
 
     def formula(statistics, scene, chamber):
-        return 3600 * statistics[name] / chamber.capacity(scene.drive.speed)
+        return per_volume(statistics[name], chamber.capacity(scene.drive.speed))
 
     return formula
 
@@ -117,13 +118,8 @@ OBJECTIVES = {
         "N", "RMS less that of the ideal joint", ("foundation_rms",), _excess, -math.inf
     ),
     "joint_peak": plain("joint_peak"),
-    "wear": Objective(
-        "J/m3",
-        "wear: normal force times surface slip, per volume crushed",
-        ("sliding_power",),
-        _per_volume("sliding_power"),
-    ),
-    "energy": Objective(
-        "J/m3", "drive energy per volume crushed", ("drive_power",), _per_volume("drive_power")
-    ),
+    **{
+        name: Objective("J/m3", meaning, (power,), _per_volume(power))
+        for name, (power, meaning) in PER_VOLUME.items()
+    },
 }

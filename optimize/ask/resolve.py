@@ -17,6 +17,7 @@ from jaxcrusher.scenes.parameters import PE250X400, in_words, key_of, readable
 from jaxcrusher.scenes.reader import (
     kind_of,
     naming,
+    read_bulk_density,
     read_entries,
     read_machine,
     read_scene_file,
@@ -30,7 +31,6 @@ from optimize.ask.objectives import OBJECTIVES, OF_SUPPORTS, own_objective, plai
 from optimize.ask.options import Effort, Options
 from optimize.ask.problem import Problem
 from optimize.ask.sets import SETS, SETS_OF, Bounds, ranges, sets, written_bounds
-from optimize.ask.throughput import read_bulk_density
 
 # The paper's choice, Section 5.3.
 SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3

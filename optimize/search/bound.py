@@ -13,6 +13,7 @@ import scipy.spatial
 from jaxtyping import Bool, Float, Int
 
 from jaxcrusher.dynamics.many_orbits import alone
+from jaxcrusher.files.text import quantity
 from optimize.answer import Bound, Confirmed, Maps, OpenPoint
 from optimize.ask.design import GRID_DIMENSIONS
 from optimize.ask.problem import Problem
@@ -21,7 +22,6 @@ from optimize.search.confirm import Repeats, interval, long_runs
 from optimize.search.evaluate import NOWHERE, Rows, Tracking
 from optimize.search.landscape import counting
 from optimize.search.orbits import solve, widths
-from optimize.tell.forces import quantity
 
 # Orbits that are solved for besides the map's at most, and how many a halved cell takes, about.
 MOST, OF_A_CELL = 1500, 3

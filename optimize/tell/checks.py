@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from jaxcrusher.files.text import number, quantity
 from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import said, unit_of
 from jaxcrusher.sheets.feed_response import TURNS
@@ -12,8 +13,7 @@ from optimize.ask.limits import OF_ORBIT, OF_RUN, Found
 from optimize.ask.problem import Problem
 from optimize.search.confirm import least_contact, long_window
 from optimize.search.orbits import worse
-from optimize.tell.forces import quantity
-from optimize.tell.words import active, coexisting, number, shown
+from optimize.tell.words import active, coexisting, shown
 
 # What the descents may leave of a slope that should vanish, over the width of the box, as a
 # share of the objective.

@@ -2,16 +2,9 @@
 
 from collections.abc import Iterable, Mapping
 
-from jaxcrusher.crusher.template import STATISTIC
+from jaxcrusher.crusher.template import CALLED, STATISTIC
+from jaxcrusher.files.text import quantity
 
-# What a sentence calls them; tables give the definition. What frame and bearings carry, with weight
-# and crushing load, and what shakes the ground.
-NAMES = {"foundation_rms": "RMS force on the foundation", "shaking_rms": "RMS shaking force"}
-_OTHERS = {
-    "foundation_peak": "peak force on the foundation",
-    "shaking_peak": "peak shaking force",
-    "joint_peak": "peak force in the main bearing",
-}
 # A force that changes by less than this share of itself neither falls nor rises.
 UNCHANGED = 1e-3
 
@@ -39,27 +32,11 @@ def opposed(before: Mapping[str, float], after: Mapping[str, float], where: str)
 
 
 def _named(force: str) -> str:
-    name = NAMES[force]
+    name = CALLED[force]
     return f"{name}, which the ground feels," if force == "shaking_rms" else name
 
 
 def name_of(meaning: str) -> str:
     """Return what a sentence calls a quantity of this meaning."""
-    known = {STATISTIC[force].meaning: name for force, name in (NAMES | _OTHERS).items()}
+    known = {STATISTIC[force].meaning: name for force, name in CALLED.items()}
     return known.get(meaning, meaning)
-
-
-def quantity(value: float, unit: str) -> str:
-    """Return a number with four digits and its unit, if any: N as kN, J as MJ, m as mm."""
-    if unit == "m":
-        return f"{1e3 * value:.4g} mm"
-    factor, prefix = prefixed(abs(value), unit)
-    return f"{value / factor:.4g} {prefix}".removesuffix(" 1")
-
-
-def prefixed(most: float, unit: str) -> tuple[float, str]:
-    """Return a factor and a unit that suit values up to `most`; only N and J/m3 take prefixes."""
-    if unit not in ("N", "J/m3") or most < 1e3:
-        return 1.0, unit
-    # A force of 1200 kN is said so; wear is told in MJ/m3.
-    return (1e6, f"M{unit}") if unit != "N" and most >= 1e6 else (1e3, f"k{unit}")

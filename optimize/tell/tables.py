@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 
 from jaxcrusher.crusher.capacity import CAUTION
+from jaxcrusher.files.text import Table, as_text, number, two_digits
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
 from jaxcrusher.scenes.parameters import NUMBERS, in_words, readable
 from jaxcrusher.scenes.plausibility import borrowed
@@ -14,7 +15,6 @@ from optimize.answer import Answer, Confirmed, Runs
 from optimize.search.confirm import long_window
 from optimize.tell import words as formatting
 from optimize.tell.forces import besides, name_of
-from optimize.tell.table import Table, as_text
 from optimize.tell.words import shown
 
 # Names of the stages and of the ways of descent.
@@ -73,7 +73,7 @@ def answer(found: Answer) -> Table:
             )
             row[heading] = formatting.interval(runs)
         row |= {f"{meaning}, N": design.forces[name] for name, meaning in others.items()}
-        row[f"ideal joints' {of_ideal}, N"] = formatting.number(design.ideal_rms)
+        row[f"ideal joints' {of_ideal}, N"] = number(design.ideal_rms)
         row |= _crushing(found, title, design)
         rows.append(row | {"turns to 1/e": formatting.turns(design)})
     name = name_of(objective.meaning)
@@ -89,8 +89,8 @@ def _crushing(found: Answer, title: str, design: Confirmed) -> dict[str, str]:
     return {
         "capacity, m³/h": f"{one.capacity:.2f}",
         **({"capacity, t/h": f"{found.throughput[title]:.2f}"} if found.throughput else {}),
-        "stroke at the discharge, mm": f"{1e3 * one.stroke:.4g}",
-        "stroke, vertical over horizontal": f"{one.stroke_ratio:.3g}",
+        "stroke at the discharge, mm": number(1e3 * one.stroke),
+        "stroke, vertical over horizontal": number(one.stroke_ratio),
     }
 
 
@@ -142,7 +142,7 @@ def _heading(row: Row) -> str:
 def _carried(row: Row) -> str:
     phase = "" if isinstance(row.phase_rad, str) else f" at {math.degrees(row.phase_rad):z.0f}°"
     remark = f" ({row.remark})" if row.remark else ""
-    return f"{formatting.number(row.value)}{phase}{remark}"
+    return f"{number(row.value)}{phase}{remark}"
 
 
 def checks(found: Answer) -> Table:
@@ -162,7 +162,7 @@ def slopes(found: Answer) -> Table | None:
             row = {
                 "by": _per(found, name, unit),
                 "slope": slope * factor,
-                "differences off by": _two(orbit.slopes_apart[name] * factor),
+                "differences off by": two_digits(orbit.slopes_apart[name] * factor),
             }
             rows.append(row)
         about = "The slopes on the periodic orbit are exact. Differences of orbits check them."
@@ -180,7 +180,7 @@ def fronts(found: Answer) -> list[Table]:
         others = besides(front.forces, told, front.meaning)
         rows = [
             {
-                f"{in_words(front.of)}, {front.unit}": f"{front.other[i]:.5g}",
+                f"{in_words(front.of)}, {front.unit}": number(front.other[i]),
                 f"objective, {unit}": float(front.objective[i]),
                 **{f"{others[name]}, N": float(front.forces[name][i]) for name in others},
                 **_chosen(found, {name: column[i] for name, column in front.values.items()}),
@@ -200,7 +200,7 @@ def candidates(found: Answer) -> Table:
             "": i + 1,
             **_chosen(found, one.values),
             f"objective, {unit}": one.objective,
-            f"±, {unit}": _two(one.half_width),
+            f"±, {unit}": two_digits(one.half_width),
             **{f"{meaning}, N": one.forces[name] for name, meaning in others.items()},
             "worse start": one.worse_start,
         }
@@ -273,11 +273,11 @@ def box(found: Answer) -> Table:
         unit, one = unit_of("speed", found.problem.units)
         low, high = (speed / one for speed in found.problem.speeds)
         rows += [
-            ("capacity, m³/h", f"{found.problem.capacity_floor:.3g}", "none"),
-            (f"speed by capacity, {unit}", f"{low:.4g}", f"{high:.4g}"),
+            ("capacity, m³/h", number(found.problem.capacity_floor), "none"),
+            (f"speed by capacity, {unit}", number(low), number(high)),
         ]
     rows += [
-        (f"{in_words(limit.statistic)}, {limit.unit}", "none", f"{limit.most:.5g}")
+        (f"{in_words(limit.statistic)}, {limit.unit}", "none", number(limit.most))
         for limit in found.problem.limits
     ]
     return Table(("", "lowest", "highest"), rows)
@@ -333,12 +333,7 @@ def _chosen(found: Answer, values: Mapping[str, float]) -> dict[str, str]:
 
 def _number(name: str, value: float, units: Mapping[str, str]) -> str:
     """Return a parameter as text, in the unit that it was given in."""
-    return f"{shown(name, value, units):.5g}"
-
-
-def _two(error: float) -> str:
-    """Return an uncertainty with two digits."""
-    return f"{float(f'{error:.2g}'):g}" if math.isfinite(error) else as_text(error)
+    return f"{shown(name, value, units):.6g}"
 
 
 def _per(found: Answer, name: str, unit: str) -> str:

@@ -6,20 +6,16 @@ from typing import TypeVar
 
 import numpy as np
 
+from jaxcrusher.files.text import number, quantity, with_error
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import said, unit_of
 from optimize.answer import Active, Answer, Confirmed, Runs
 from optimize.search.confirm import long_window
-from optimize.tell.forces import besides, name_of, opposed, quantity
+from optimize.tell.forces import besides, name_of, opposed
 
 # A number this near a bound of its box, as a share, is at it: rounding.
 AT_END = 1e-12
-
-
-def number(value: float) -> str:
-    """Return a number with five digits, or with all of those before the point."""
-    return f"{value:.0f}" if abs(value) >= 1e4 else f"{value:z.5g}"
 
 
 def interval(runs: Runs) -> str:
@@ -29,7 +25,7 @@ def interval(runs: Runs) -> str:
         return "failed" if failed == runs.count else f"{failed} of {runs.count} failed"
     if math.isnan(runs.objective_mean):  # an objective of periodic orbits only
         return "no value"
-    text = f"{number(runs.objective_mean)}±{float(f'{runs.objective_half_width:.2g}'):g}"
+    text = with_error(runs.objective_mean, runs.objective_half_width)
     return f"{text}, friction whirl" if runs.by_run["whirl"].any() else text
 
 

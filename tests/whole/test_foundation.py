@@ -12,6 +12,7 @@ import jaxcrusher as jc
 from jaxcrusher.commands import foundation
 from jaxcrusher.commands.machines import read_machine
 from jaxcrusher.commands.options import Crusher, Foundation, Results
+from jaxcrusher.files.text import number
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.sheets.load_sheet import Row, Site, sheet
 from tests.identification import by_hand
@@ -110,7 +111,7 @@ def test_a_loose_machine_has_two_columns_and_bounded_time(tmp_path, monkeypatch)
     up = rows["force, vertically", "equivalent, + 3 times what moves"]
     low, high = float(up["lowest"]), float(up["highest"])
     assert low <= float(up["value"]) <= high and high - low > 1e-3 * high
-    assert f"({foundation.digits(low)} to {foundation.digits(high)})" in text
+    assert f"({number(low)} to {number(high)})" in text
     # The loose joints stand in the picture at the running speed, with the scatter of their turns.
     about = json.loads((tmp_path / "loose" / "sheet.json").read_text())
     turns = 1e-3 * np.array(about["loose_exciting_rms"])

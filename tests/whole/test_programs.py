@@ -43,7 +43,7 @@ NO_JAX = "raise AssertionError('JAX is imported')"
 
 
 def test_programs_are_found():
-    assert len(PROGRAMS) > 10
+    assert len(PROGRAMS) >= 10
 
 
 @pytest.mark.parametrize(
@@ -71,10 +71,10 @@ def test_help_comes_at_once_and_what_is_unknown_is_refused(path, run):
     [
         ("jaxcrusher", "simulate"),
         ("optimize.run",),
-        ("optimize.compare",),
+        ("jaxcrusher", "compare"),
         ("benchmarks.reproduction",),
     ],
-    ids=lambda words: words[0],
+    ids=" ".join,
 )
 def test_ctrl_c_during_the_imports_is_one_line(words, run):
     done = run("-m", *words, jax="raise KeyboardInterrupt")

@@ -9,11 +9,11 @@ import jinja2
 from markupsafe import Markup
 
 from jaxcrusher.files.results import write_text
+from jaxcrusher.files.text import as_text, is_number
 from optimize.answer import Answer
 from optimize.tell import tables
 from optimize.tell import words as formatting
 from optimize.tell.page import data as page_data
-from optimize.tell.table import as_text, is_number
 
 # The sketch that stands at the end of the answer, and what the figures of a finished run show.
 SKETCH = "bearings.png"

@@ -1,10 +1,9 @@
-"""Machines of scene files side by side: their numbers in a table and in a picture."""
+"""`python -m jaxcrusher compare`: crushers side by side, in one table and one picture."""
 
 import math
 import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -13,32 +12,39 @@ from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import require, require_whole
-from jaxcrusher.crusher.capacity import CAUTION, stroke, stroke_ratio
-from jaxcrusher.files.results import results_folder, write_figure, write_table
+from jaxcrusher.commands.machines import read_machine, settings_of
+from jaxcrusher.commands.options import Compare, Crusher
+from jaxcrusher.crusher.capacity import (
+    CAUTION,
+    PER_VOLUME,
+    per_volume,
+    stroke,
+    stroke_ratio,
+    throughput,
+)
+from jaxcrusher.crusher.template import CALLED, STATISTIC
+from jaxcrusher.files.results import listed, write_figure, write_table
+from jaxcrusher.files.resume import begin_beside
+from jaxcrusher.files.text import Table, prefixed, quantity
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.forced import refusal
 from jaxcrusher.pictures.plots import STYLE, WIDTH
 from jaxcrusher.scenes.build import build_chamber
-from jaxcrusher.scenes.machine import tell_about
-from jaxcrusher.scenes.reader import kind_of
-from optimize.ask.objectives import OBJECTIVES
-from optimize.ask.throughput import read_bulk_density, throughput
-from optimize.tell.forces import name_of, prefixed, quantity
-from optimize.tell.table import Table
+from jaxcrusher.scenes.reader import kind_of, read_bulk_density
 
-# What is compared, in this order; wear needs friction.
-COMPARED = ("rms", "peak", "shaking_rms", "shaking_peak", "joint_peak", "wear", "energy")
 # Largest values, which differ from turn to turn where the pin hits its bore.
-PEAKS = ("peak", "shaking_peak", "joint_peak")
-DRAWN = ("capacity", "shaking_rms", "peak", "joint_peak", "wear", "energy")
-# Every number of a machine with its heading and its unit.
+PEAKS = ("foundation_peak", "shaking_peak", "joint_peak")
+DRAWN = ("capacity", "shaking_rms", "foundation_peak", "joint_peak", *PER_VOLUME)
+FILES = ("compare.csv", "compare.png")
+# Every number of a machine with its heading and its unit; wear needs friction.
 QUANTITIES = {
     "speed": ("speed", "rad/s"),
     "clearance": ("radial clearance", "m"),
     "capacity": ("capacity", "m3/h"),
     "stroke": ("stroke at the discharge", "m"),
     "stroke_ratio": ("  vertical over horizontal", "1"),
-    **{name: (name_of(OBJECTIVES[name].meaning), OBJECTIVES[name].unit) for name in COMPARED},
+    **{name: (called, STATISTIC[name].unit) for name, called in CALLED.items()},
+    **{name: (meaning, "J/m3") for name, (_, meaning) in PER_VOLUME.items()},
 }
 
 
@@ -54,39 +60,35 @@ class Compared:
     borrowed: int = 0  # numbers of the machine that its file leaves to the PE250x400
 
 
-def run(
-    files: Sequence[Path],
-    settle: int,
-    turns: int,
-    bulk_density: str | None,
-    folder: Path,
-    console: Console,
-) -> None:
+def run(options: Compare, console: Console) -> int:
     """Compute, print, write and draw; ValueError for bad options and files."""
-    require(len(files) > 0, "scenes", "name at least one file", "none")
-    titles = [path.stem for path in files]
+    require(len(options.scenes) > 0, "scenes", "name at least one file", "none")
+    titles = [path.stem for path in options.scenes]
     require(len(set(titles)) == len(titles), "scenes", "have names of their own", titles)
-    require_whole("settle", settle, 0)
-    require_whole("turns", turns, 2)
-    density = read_bulk_density(bulk_density)
+    require_whole("settle", options.settle, 0)
+    require_whole("turns", options.turns, 2)
+    density = read_bulk_density(options.bulk_density)
     # All files are read before anything is compiled.
-    machines = []
-    for path in files:
+    machines = {}
+    for title, path in zip(titles, options.scenes, strict=True):
         crushes = kind_of(path) == "crusher"
         require(crushes, "scenes", "be files of crushers, which alone are compared", path)
-        machines.append(jc.read_machine(path))
-        tell_about(machines[-1], path)
+        machines[title] = read_machine(Crusher(path))
+    window = {"settle": options.settle, "turns": options.turns}
+    settings = {title: settings_of("compare", one, **window) for title, one in machines.items()}
+    folder = begin_beside(options.results.folder, settings, *FILES)
     found = []
-    for title, machine in zip(titles, machines, strict=True):
+    for title, machine in machines.items():
         with console.status(title):
-            found.append(compared(title, machine, settle, turns))
-    results_folder(folder)
+            found.append(compared(title, machine, options.settle, options.turns))
     write_table(folder / "compare.csv", [csv_row(one) for one in found])
     with plt.rc_context(STYLE):
         write_figure(folder / "compare.png", draw(found))
-    console.print(Table(("", *titles), table_rows(found, density)).printed())
-    console.print(CAUTION, highlight=False)
-    console.print(f"results in {folder}/", highlight=False)
+    table = Table(("", *titles), table_rows(found, density))
+    console.print(table.printed(), soft_wrap=False)
+    console.print(CAUTION)
+    console.print(listed(folder, FILES))
+    return 0
 
 
 def compared(name: str, machine: jc.Machine, settle: int, turns: int) -> Compared:
@@ -94,8 +96,9 @@ def compared(name: str, machine: jc.Machine, settle: int, turns: int) -> Compare
     chamber, scene = build_chamber(machine.values), machine.scene()
     left = len(machine.structure.borrowed(machine.given))
     main = scene.joints["main"]
-    rubs = main is not None and main.friction is not None
-    names = [name for name in COMPARED if name != "wear" or rubs]
+    powers = {which: power for which, (power, _) in PER_VOLUME.items()}
+    if main is None or main.friction is None:
+        del powers["wear"]
     result, motion = None, "periodic orbit"
     if scene.steady() is not scene:
         motion += " under the mean load"
@@ -103,8 +106,7 @@ def compared(name: str, machine: jc.Machine, settle: int, turns: int) -> Compare
         orbit = jc.periodic_orbit(scene, effort="thorough")
         result = orbit if bool(orbit.stable) else None
     if result is None:
-        asked = (statistic for name in names for statistic in OBJECTIVES[name].outputs)
-        outputs = tuple(dict.fromkeys((*scene.usual_statistics, *asked)))
+        outputs = tuple(dict.fromkeys((*scene.usual_statistics, *CALLED, *powers.values())))
         result = jc.statistics(scene, settle, turns, outputs=outputs)
         motion = f"mean of turns {settle + 1} to {settle + turns}"
         if not bool(result.success):
@@ -118,11 +120,12 @@ def compared(name: str, machine: jc.Machine, settle: int, turns: int) -> Compare
     numbers["stroke_ratio"] = float(stroke_ratio(scene.linkage))
     if main is not None:
         numbers["clearance"] = float(main.clearance)
-    numbers |= {name: float(OBJECTIVES[name].formula(result, scene, chamber)) for name in names}
+    numbers |= {force: float(result[force]) for force in CALLED}
+    for which, power in powers.items():
+        numbers[which] = float(per_volume(result[power], numbers["capacity"]))
     typical = {}
     if isinstance(result, Statistics):
-        by_turn = {name: result.by_turn[OBJECTIVES[name].outputs[0]] for name in PEAKS}
-        typical = {name: float(np.median(values)) for name, values in by_turn.items()}
+        typical = {peak: float(np.median(result.by_turn[peak])) for peak in PEAKS}
     remarks = result.validity.remarks()
     return Compared(name, numbers, typical, motion, "; ".join(remarks) or "inside", left)
 
@@ -142,9 +145,7 @@ def table_rows(found: Sequence[Compared], density: float | None) -> list[tuple[s
     """Return a heading and a cell of each machine, number by number."""
 
     def row(heading: str, unit: str, values: Iterable[float]) -> tuple[str, ...]:
-        return heading, *(
-            "none" if math.isnan(value) else quantity(value, unit) for value in values
-        )
+        return heading, *(quantity(value, unit) for value in values)
 
     rows = []
     for name, (heading, unit) in QUANTITIES.items():

@@ -1,4 +1,4 @@
-"""Machines of scene files side by side."""
+"""`python -m jaxcrusher compare`: crushers of scene files side by side."""
 
 import csv
 import io
@@ -10,11 +10,7 @@ import pytest
 from rich.console import Console
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.capacity import CrushingChamber
-from jaxcrusher.orbits.result import RESULTS, missing
-from optimize.ask.objectives import OBJECTIVES
-from optimize.machines import (
-    COMPARED,
+from jaxcrusher.commands.compare import (
     DRAWN,
     QUANTITIES,
     Compared,
@@ -23,6 +19,10 @@ from optimize.machines import (
     run,
     table_rows,
 )
+from jaxcrusher.commands.options import Compare, Results
+from jaxcrusher.crusher.capacity import PER_VOLUME, CrushingChamber
+from jaxcrusher.crusher.template import CALLED
+from jaxcrusher.orbits.result import RESULTS, missing
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,9 @@ def both(tmp_path_factory):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(jc, "periodic_orbit", orbit)
-        run([folder / "quiet.toml", folder / "loud.toml"], 2, 3, "1.6 t/m3", folder, console)
+        files, results = (folder / "quiet.toml", folder / "loud.toml"), Results("here", folder)
+        assert run(Compare(files, 2, 3, "1.6 t/m3", results), console) == 0
+    folder /= "here"
     rows = list(csv.DictReader((folder / "compare.csv").read_text().splitlines()))
     return written.getvalue(), rows, folder
 
@@ -50,13 +52,15 @@ def both(tmp_path_factory):
 def test_numbers_are_those_of_the_orbit(both):
     _, (quiet, _), _ = both
     orbit = jc.periodic_orbit(jc.paper_scene(27.0, 0.05e-3))
-    chamber = CrushingChamber()
+    assert quiet["machine"] == "quiet"
     assert quiet["numbers of"] == "periodic orbit" and quiet["contact model"] == "inside"
-    for name in COMPARED:
-        # The same program; the capacity's width has four digits.
-        value = float(OBJECTIVES[name].formula(orbit, orbit.scene, chamber))
-        digits = 1e-4 if name in ("wear", "energy") else 1e-9
-        assert float(quiet[f"{name}, {OBJECTIVES[name].unit}"]) == pytest.approx(value, rel=digits)
+    for name in CALLED:
+        # The same program.
+        assert float(quiet[f"{name}, N"]) == pytest.approx(float(orbit[name]), rel=1e-9)
+    for name, power in (("wear", orbit.sliding_power), ("energy", orbit.drive_power)):
+        # J in an hour, over the m3 in an hour; the chamber's width has four digits.
+        value = 3600 * float(power) / float(CrushingChamber().capacity(27.0))
+        assert float(quiet[f"{name}, J/m3"]) == pytest.approx(value, rel=1e-4)
 
 
 def test_a_motion_without_an_orbit_has_means_and_the_scatter_of_its_peaks(both):
@@ -65,7 +69,9 @@ def test_a_motion_without_an_orbit_has_means_and_the_scatter_of_its_peaks(both):
     scene = jc.paper_scene(30.0, 0.06e-3, load_law="closing_stroke")
     result = jc.statistics(scene, 2, 3, outputs=("foundation_peak",))
     # Both take the same steps: what else is computed does not choose them.
-    assert float(loud["peak, N"]) == pytest.approx(float(result.foundation_peak), rel=1e-9)
+    assert float(loud["foundation_peak, N"]) == pytest.approx(
+        float(result.foundation_peak), rel=1e-9
+    )
     assert screen.count("median over turns") == 3
     # Speed and clearance are no numbers of the machine, of which the PE250x400 has 22.
     assert loud["numbers left to the PE250x400"] == "22" and "numbers left" in screen
@@ -81,10 +87,12 @@ def test_a_number_that_no_machine_has_is_not_drawn():
     assert len(draw([smooth, rubs]).axes) == len(DRAWN)
 
 
-def test_a_machine_with_ideal_joints_is_compared_and_does_not_wear():
-    ideal = compared("ideal", jc.paper_machine(joint="ideal", speed=27.0), 2, 3)
-    assert ideal.motion == "periodic orbit" and math.isnan(ideal.numbers["clearance"])
-    assert [name for name in COMPARED if math.isnan(ideal.numbers[name])] == ["wear"]
+@pytest.mark.parametrize("without", [{"joint": "ideal"}, {"friction": 0.0}])
+def test_a_machine_without_friction_is_compared_and_does_not_wear(without):
+    found = compared("smooth", jc.paper_machine(**without, speed=27.0), 2, 3)
+    assert found.motion == "periodic orbit"
+    assert math.isnan(found.numbers["clearance"]) == ("joint" in without)
+    assert [name for name in (*CALLED, *PER_VOLUME) if math.isnan(found.numbers[name])] == ["wear"]
 
 
 def test_the_orbit_of_a_rough_feed_is_that_of_its_mean_load():
@@ -97,7 +105,7 @@ def test_capacity_in_tonnes():
     one = Compared("a", numbers, {}, "x", "inside")
     assert table_rows([one], None)[4] == ("  vertical over horizontal", "1")
     rows = dict((row[0] + row[1][-3:], row[1]) for row in table_rows([one], 1600.0))
-    assert rows["capacityt/h"] == "12 t/h" and rows["radial clearanceone"] == "none"
+    assert rows["capacityt/h"] == "12 t/h" and rows["radial clearancelue"] == "no value"
 
 
 PUMP = Path(__file__).parents[2] / "examples" / "pump.toml"
@@ -115,4 +123,5 @@ PUMP = Path(__file__).parents[2] / "examples" / "pump.toml"
 )
 def test_bad_requests(tmp_path, names, density, told):
     with pytest.raises(ValueError, match=told):
-        run([tmp_path / name for name in names], 1, 2, density, tmp_path, Console())
+        files = tuple(tmp_path / name for name in names)
+        run(Compare(files, bulk_density=density, results=Results("x", tmp_path)), Console())
