@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
+from jaxcrusher.batch.cluster import connected, local_workers
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import command, versions
@@ -23,6 +24,9 @@ from optimize.tell import result_file
 from optimize.tell import screen as report
 from optimize.tell.page.document import write_page
 
+if TYPE_CHECKING:
+    import distributed
+
 WRITTEN = ("result.json", "report.html", "orbits.nc", "landscape.nc", "*.png")
 # Finished chunks of a search that is not finished.
 CHUNKS = "chunks"
@@ -37,11 +41,17 @@ def run(options: Options, console: Console) -> Answer:
     """
     problem = resolve(options)
     tell(problem, options.scene)
+    with local_workers(options.scheduler) as scheduler, connected(scheduler) as client:
+        return _answered(problem, client, console)
+
+
+def _answered(problem: Problem, scheduler: "distributed.Client | None", console: Console) -> Answer:
+    """Search with the workers of a scheduler, or here."""
     folder = begin(problem.folder, problem.settings, *WRITTEN)
     journal = Journal(folder / CHUNKS, Path(__file__).parent)
     parts, maps, status = _known(problem), None, "interrupted"
     with progress(console) as bars:
-        work = stages.Work(folder, bars, journal)
+        work = stages.Work(folder, bars, journal, scheduler)
 
         def answer_of(status: str, **more: Any) -> Answer:
             spent = {"seconds": work.seconds, "steps": work.steps}

@@ -10,7 +10,7 @@ what has no stable orbit is named.
 
 import itertools
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -29,6 +29,9 @@ from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit
 from jaxcrusher.orbits.transient import TURNS
 from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.trigonometric import resample
+
+if TYPE_CHECKING:
+    import distributed
 
 Rows = dict[str, np.ndarray]
 # Numbers that are free, and all others.
@@ -85,6 +88,7 @@ def solve_orbits(
     enough: float = np.inf,
     engine: Engine | None = None,
     journal: Journal | None = None,
+    scheduler: "distributed.Client | None" = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Rows:
     """Solve for the orbits of stacked cases, and return their rows in columns.
@@ -102,6 +106,7 @@ def solve_orbits(
       undecided.
     - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
     - `journal`: of finished chunks.
+    - `scheduler`: whose workers compute the chunks; None for this process.
     - `progress`: called with the number of finished and of all cases; while motions are waited for,
       those with a stable orbit are finished.
 
@@ -111,7 +116,8 @@ def solve_orbits(
     stable orbit, and its RMS with a standard error.
     """
     count = len(cases[0])
-    solutions = _Solutions(problem, cases, levels[-1] * problem.period, chunk, engine, journal)
+    points = levels[-1] * problem.period
+    solutions = _Solutions(problem, cases, points, chunk, engine, journal, scheduler)
     report = progress or (lambda finished, of: None)
     solutions.fill(np.arange(count), levels[0], alone, report)
     if quick:
@@ -122,7 +128,7 @@ def solve_orbits(
     def tell() -> None:
         report(count - len(solutions.unstable()), count)
 
-    waits = LaneWaits(problem.scene, cases, engine, journal, tell)
+    waits = LaneWaits(problem.scene, cases, engine, journal, tell, scheduler)
     if neighbours is not None and len(left):
         sections[left] = solutions.wait(waits, left)
     for nodes in levels[1:] or levels:
@@ -157,9 +163,11 @@ class _Solutions:
         chunk: int,
         engine: Engine | None,
         journal: Journal | None,
+        scheduler: "distributed.Client | None" = None,
     ) -> None:
         self._problem, self._cases, self._chunk = problem, cases, chunk
-        self._settings = {"engine": engine or without_lanes(), "journal": journal}
+        engine = engine or without_lanes()
+        self._settings = {"engine": engine, "journal": journal, "scheduler": scheduler}
         self.points, self.rows = points, Rows()
         # NaN stands for the pin at rest.
         self.orbits = np.full((len(cases[0]), points, problem.dims), np.nan)
@@ -218,7 +226,7 @@ class _Solutions:
             return
         given = jax.tree.map(lambda leaf: np.asarray(leaf)[cases], self._cases), sections[cases]
         solve = eqx.Partial(_shot, problem=self._problem, points=self.points)
-        found = self._run(solve, given, len(cases))
+        found = self._run(solve, given)
         good = found["success"]
         self.orbits[cases[good]] = found.pop("eccentricity")[good]
         for name, column in found.items():
@@ -228,13 +236,12 @@ class _Solutions:
         self,
         solve: Callable[..., dict[str, Array]],
         given: PyTree,
-        chunk: int,
         progress: Callable[[int, int], None] | None = None,
     ) -> Rows:
         """Solve stacked cases from their guesses; what fills the last chunk is skipped."""
         function = eqx.Partial(_row, solve=solve)
-        settings = {"progress": progress, "whole": chunk, "skips": True, **self._settings}
-        return run_all(function, given, chunk, **settings)
+        settings = {"progress": progress, "whole": self._chunk, "skips": True, **self._settings}
+        return run_all(function, given, self._chunk, **settings)
 
     def unstable(self) -> np.ndarray:
         """Return the cases without a stable orbit."""
@@ -314,7 +321,7 @@ class _Solutions:
         def tell(done: int, _: int) -> None:
             report(done if first else total, total)
 
-        found = self._run(solve, given, self._chunk, tell)
+        found = self._run(solve, given, tell)
         if first:
             self.rows = {
                 name: np.zeros((total, *column.shape[1:]), column.dtype)

@@ -40,6 +40,7 @@ SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
 KEPT_APART = (
     "name",
     "out",
+    "scheduler",
     "scene",
     "overrides",
     "speed",

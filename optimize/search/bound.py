@@ -6,7 +6,7 @@ waited for only if their runs do not keep them above the optimum.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, Context
 
 import numpy as np
@@ -49,8 +49,8 @@ class Points:
         runs: tuple[Repeats, Repeats],
         tracking: Tracking = NOWHERE,
     ) -> None:
-        self.case, self._runs, self._tracking = case, runs, Tracking(journal=tracking.journal)
-        self._told = tracking.progress
+        self.case, self._runs, self._told = case, runs, tracking.progress
+        self._tracking = replace(tracking, progress=NOWHERE.progress)
         self.begun, self.units = len(units), np.zeros((0, units.shape[1]))
         self.values, self.least, self.slopes = np.zeros(0), np.zeros(0), np.zeros(units.shape)[:0]
         self.open: dict[int, OpenPoint] = {}  # points that runs speak for, by their number

@@ -64,8 +64,7 @@ def solve(
         sections=sections,
         quick=quick,
         chunk=CHUNK,
-        journal=tracking.journal,
-        progress=tracking.progress,
+        **vars(tracking),
     )
     rows["objective"] = rows.pop("number")
     rows["slope"] = rows["slope"] / widths(case)

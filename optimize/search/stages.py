@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from threading import Event
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -37,6 +37,9 @@ from optimize.search.front import fronts
 from optimize.search.landscape import Maps
 from optimize.search.motions import cell_motions
 
+if TYPE_CHECKING:
+    import distributed
+
 # Tolerances of the landscape and its motions, and of the confirmation, in clearances.
 MAP_RTOL, CONFIRM_RTOL = 1e-6, 1e-8
 # Confirmation runs last this many times longer than the landscape's.
@@ -62,6 +65,7 @@ class Work:
     folder: Path
     bars: Bars
     journal: Journal
+    scheduler: "distributed.Client | None" = None
     stop: Event = field(default_factory=Event)
     seconds: dict[str, float] = field(default_factory=dict)
     steps: dict[str, int] = field(default_factory=dict)
@@ -77,7 +81,7 @@ class Work:
             if self.stop.is_set():
                 raise Stopped
 
-        yield Tracking(progress, self.journal)
+        yield Tracking(progress, self.journal, self.scheduler)
         self.bars.update(bar, completed=total)
         self.seconds[name] = time.perf_counter() - began
 
