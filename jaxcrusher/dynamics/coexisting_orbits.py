@@ -17,6 +17,7 @@ from jaxtyping import Float, Int
 
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.batch.cluster import connected
 from jaxcrusher.batch.engines import computing, run_all
 from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import Layout, opened
@@ -335,12 +336,15 @@ def basin_map(
     sizes = {"orbit": starts + 1, "start": starts, "coordinate": size}
     layout = Layout(grid, columns, (1,) * len(grid.shape), sizes)
     title = "Coexisting periodic orbits of machines over a grid of parameters"
-    with opened(layout, store, title, grid.settings() | asked, asked) as kept:
+    with (
+        connected(scheduler) as client,
+        opened(layout, store, title, grid.settings() | asked, asked) as kept,
+    ):
         finished = len(kept.done)
         report(finished, grid.size)
         missing = [design for design in range(grid.size) if design not in kept.done]
         look = functools.partial(_looked_at, grid=grid, asked=asked)
-        with computing(look, missing, "lanes", scheduler, layout.name) as results:
+        with computing(look, missing, "lanes", client, layout.name) as results:
             for design, row in results:
                 cell = {name: np.reshape(v, layout.chunk + np.shape(v)) for name, v in row.items()}
                 kept.write(design, cell, {})

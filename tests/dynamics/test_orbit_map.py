@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.batch.cluster import local_workers
 from jaxcrusher.batch.engines import in_turn
 from jaxcrusher.dynamics import many_orbits as orbits
 from jaxcrusher.dynamics.orbit_map import orbit_map
@@ -136,6 +137,27 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
     assert len(solved) == count
     with pytest.raises(ValueError, match=r"of period 1 \(now 2\)"):
         orbit_map(**asked, store=tmp_path / "map", engine=engine, period=2)
+
+
+@pytest.mark.slow
+@pytest.mark.optimised  # as workers compile
+def test_maps_on_two_workers_have_the_same_bits():
+    """Of orbits from rest, of some that are waited for, and of basins."""
+    pytest.importorskip("distributed")
+    axes = {"speed": [27.0, 36.0, 40.0], "clearance": [0.05e-3, 0.12e-3]}
+    few = {"speed": [27.0, 30.0]}, {"starts": 4, "turns": 100, "spread": 0.02}
+    with local_workers("2") as client:
+        for make, over, how in (
+            (orbit_map, axes, {"slopes": SLOPES}),
+            (jc.basin_map, few[0], few[1]),
+        ):
+            here, there = (make(PAPER, over, **how, scheduler=one) for one in (None, client))
+            for name in here:
+                one, other = here[name].values, there[name].values
+                alike = (one == other).all() if one.dtype.kind == "O" else False
+                assert alike or one.tobytes() == other.tobytes(), name
+            if make is orbit_map:
+                assert len(np.unique(here.found)) > 1
 
 
 def _with_law(gap):

@@ -61,17 +61,24 @@ QUIET = SMALL | {"scene": EXAMPLE, "speed": ("25", "37.5rad/s"), "cells": (6, 4)
 def resumed(tmp_path_factory):
     """A search that was interrupted after its maps, and then ended; what each run computed."""
     options = Options(out=tmp_path_factory.mktemp("results"), name="small", **QUIET)
-    folder, computed, keep = options.out / "small", [], Journal.keep
+    folder, computed = options.out / "small", []
+    asked, place, keep = {}, Journal.place, Journal.keep
 
-    def counted(journal, place, arrays):
-        computed.append(place.name)
-        keep(journal, place, arrays)
+    def placed(journal, function, inputs):
+        path = place(journal, function, inputs)
+        asked[path] = function, path.name
+        return path
+
+    def counted(journal, path, arrays):
+        computed.append(asked[path])
+        keep(journal, path, arrays)
 
     def interrupt(*_):
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(decay, "TURNS", 48)
+        patch.setattr(Journal, "place", placed)
         patch.setattr(Journal, "keep", counted)
         with patch.context() as stopped:
             stopped.setattr(local, "descend", interrupt)
