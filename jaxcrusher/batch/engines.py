@@ -124,8 +124,9 @@ def run_chunks(
     It is an `equinox.Partial` of a module-level function of this package. A chunk is filled up to
     a multiple of `whole` designs, so that few sizes are compiled: with designs of NaN if the
     function `skips` these, else with its last one. With a `journal` finished chunks, whose results
-    are named arrays, are not computed again, and come first. The workers of a `scheduler`, as in
-    `jaxcrusher.sweep`, must have this process's environment; their chunks come as they finish.
+    are named arrays, are not computed again, and come first. Of several chunks each is
+    computed by a worker of the `scheduler`, as in `jaxcrusher.sweep`, and comes as it finishes; the
+    workers must have this process's environment.
     """
     _require_stacked(function, scenes)
     if chunk is not None:
@@ -156,7 +157,9 @@ def run_chunks(
         else:
             yield rows, known
     parts = ((rows, _part(scenes, rows)) for rows in todo)
-    with computing(compute, parts, engine, scheduler, _name) as results:
+    # A worker takes a tenth of a second more for a chunk, and no less where it is the only one.
+    where = scheduler if len(todo) > 1 else None
+    with computing(compute, parts, engine, where, _name) as results:
         for rows, result in results:
             if journal is not None:
                 journal.keep(places[rows.start], result)

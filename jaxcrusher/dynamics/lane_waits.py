@@ -227,7 +227,7 @@ class LaneWaits:
         With it comes where every pin keeps contact.
         """
         known = which.tolist()
-        orbits, success = self._run(eqx.Partial(one_period, period=period), states, known)
+        orbits, success = self._run(eqx.Partial(_one_period, period=period), states, known)
         kept = np.all(np.linalg.norm(pins(orbits), axis=3) > 1, axis=(1, 2)) & success
         return np.where(success[:, None, None], orbits, np.nan), kept
 
@@ -260,6 +260,11 @@ def _on(case: SceneAt) -> dict[str, Array]:
 
 def _after(case: SceneAt, turns: int) -> Array:
     return section_points(case, turns=turns, rtol=FINE)[0][-1]
+
+
+# What is jitted in a module cannot be pickled.
+def _one_period(case: SceneAt, period: int) -> tuple[Array, Array]:
+    return one_period(case, period=period)
 
 
 def _whirls(case: SceneAt) -> Array:

@@ -367,13 +367,13 @@ def _row(
     given: tuple[DesignCase, Array], solve: Callable[..., dict[str, Array]]
 ) -> dict[str, Array]:
     """Solve one case from a guess; a case of NaN, which only fills a chunk, is skipped."""
+    solve = eqx.filter_jit(solve)  # traced once; what is jitted in a module cannot be pickled
     like = jax.eval_shape(solve, given)
     nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
     fills = jnp.isnan(jnp.concatenate([leaf.ravel() for leaf in jax.tree.leaves(given[0])])).any()
     return jax.lax.cond(fills, lambda _: nothing, lambda given: solve(given), given)  # hashable
 
 
-@eqx.filter_jit
 def _solved(
     given: tuple[DesignCase, Float[Array, "points dims"]], problem: Problem, nodes: int
 ) -> dict[str, Array]:
@@ -383,7 +383,6 @@ def _solved(
     return _described(case, guess, problem, nodes=nodes, guess=first)
 
 
-@eqx.filter_jit
 def _shot(
     given: tuple[DesignCase, Float[Array, " states"]], problem: Problem, points: int
 ) -> dict[str, Array]:

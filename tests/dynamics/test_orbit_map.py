@@ -1,5 +1,9 @@
 """Periodic orbits over a grid: each cell as if it were alone, failures with their reasons."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -139,25 +143,39 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
         orbit_map(**asked, store=tmp_path / "map", engine=engine, period=2)
 
 
-@pytest.mark.slow
-@pytest.mark.optimised  # as workers compile
-def test_maps_on_two_workers_have_the_same_bits():
-    """Of orbits from rest, of some that are waited for, and of basins."""
-    pytest.importorskip("distributed")
-    axes = {"speed": [27.0, 36.0, 40.0], "clearance": [0.05e-3, 0.12e-3]}
+def print_what_differs_on_two_workers():
+    """Print names of maps of orbits and of basins that have other bits on a cluster."""
+    jc.set_up()
+    axes = {"speed": np.linspace(27.0, 40.0, 9), "clearance": [0.05e-3, 0.12e-3]}
     few = {"speed": [27.0, 30.0]}, {"starts": 4, "turns": 100, "spread": 0.02}
     with local_workers("2") as client:
-        for make, over, how in (
-            (orbit_map, axes, {"slopes": SLOPES}),
-            (jc.basin_map, few[0], few[1]),
-        ):
+        for make, over, how in ((orbit_map, axes, {"slopes": SLOPES}), (jc.basin_map, *few)):
             here, there = (make(PAPER, over, **how, scheduler=one) for one in (None, client))
             for name in here:
                 one, other = here[name].values, there[name].values
-                alike = (one == other).all() if one.dtype.kind == "O" else False
-                assert alike or one.tobytes() == other.tobytes(), name
-            if make is orbit_map:
-                assert len(np.unique(here.found)) > 1
+                words = one.dtype.kind == "O"
+                if not ((one == other).all() if words else one.tobytes() == other.tobytes()):
+                    print(name)
+
+
+@pytest.mark.slow
+def test_maps_on_two_workers_have_the_same_bits():
+    """In a process that compiles as its workers do."""
+    pytest.importorskip("distributed")
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import test_orbit_map; test_orbit_map.print_what_differs_on_two_workers()",
+        ],
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        timeout=900,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""
 
 
 def _with_law(gap):

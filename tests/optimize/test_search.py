@@ -1222,3 +1222,19 @@ def test_keys_of_a_journal_hold_values():
     case, again = (resolve(Options()).case for _ in range(2))
     wide = replace(case, chamber=replace(case.chamber, height=jnp.asarray(0.7)))
     assert text_of(case) == text_of(again) != text_of(wide)
+
+
+@pytest.mark.slow
+def test_a_search_on_two_workers_finds_the_same(finished, tmp_path):
+    """To the digits that agree where this process compiles as `conftest.py` says, not as they."""
+    pytest.importorskip("distributed")
+    folder, expected = finished
+    found = run(Options(out=tmp_path, **QUIET, scheduler="2"), Console(quiet=True))
+    assert found.optimum.values == expected.optimum.values
+    assert found.optimum.objective == pytest.approx(expected.optimum.objective, rel=1e-9)
+    for name in ("orbits.nc", "landscape.nc"):
+        with (
+            xr.open_dataset(tmp_path / "default" / name) as one,
+            xr.open_dataset(folder / name) as two,
+        ):
+            xr.testing.assert_allclose(one[["objective"]], two[["objective"]], rtol=1e-9)
