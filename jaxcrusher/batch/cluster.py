@@ -134,8 +134,9 @@ def compute_on(
 
 def _work(packed: bytes, item: bytes, program: dict[str, Any]) -> Any:
     here = worker_environment()
-    if here != program:
-        raise RuntimeError(f"this worker has {here}, the other chunks are made with {program}")
+    if other := [name for name in here if here[name] != program[name]]:
+        own, theirs = ({name: one[name] for name in other} for one in (here, program))
+        raise RuntimeError(f"this worker has {own}, the other chunks are made with {theirs}")
     from distributed.protocol.pickle import loads
 
     return _opened(packed)(loads(item))

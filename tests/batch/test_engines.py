@@ -3,7 +3,6 @@
 import functools
 import sys
 import threading
-import time
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -200,15 +199,13 @@ class Doubled:
         return {"not": "empty"}
 
 
-computed = []
+computed, others_came = [], threading.Event()
 
 
 def first_ends_last(function, scenes):
     computed.append(scenes.tolist())
     if scenes[0] == 0:
-        while len(computed) < 3:
-            time.sleep(0.01)
-        time.sleep(0.3)
+        others_came.wait(60)
     return function(scenes)
 
 
@@ -221,8 +218,12 @@ def test_chunks_of_a_cluster_come_as_they_finish_and_are_kept_by_the_caller(tmp_
         processes=False, n_workers=1, threads_per_worker=2, dashboard_address=None
     ) as client:
         asked = Doubled(), values, 2, first_ends_last
-        *_, (last, _) = run_chunks(*asked, scheduler=client)
-        assert last.start == 0
+        came = []
+        for rows, _ in run_chunks(*asked, scheduler=client):
+            came.append(rows.start)
+            if len(came) == 3:
+                others_came.set()
+        assert came[-1] == 0
         computed.clear()
         run = functools.partial(run_all, *asked)
         how = {"journal": Journal(tmp_path), "scheduler": client}

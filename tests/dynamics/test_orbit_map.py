@@ -145,7 +145,6 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
 
 def print_what_differs_on_two_workers():
     """Print names of maps of orbits and of basins that have other bits on a cluster."""
-    jc.set_up()
     axes = {"speed": np.linspace(27.0, 40.0, 9), "clearance": [0.05e-3, 0.12e-3]}
     few = {"speed": [27.0, 30.0]}, {"starts": 4, "turns": 100, "spread": 0.02}
     with local_workers("2") as client:
@@ -166,7 +165,8 @@ def test_maps_on_two_workers_have_the_same_bits():
         [
             sys.executable,
             "-c",
-            "import test_orbit_map; test_orbit_map.print_what_differs_on_two_workers()",
+            "import jaxcrusher; jaxcrusher.set_up(); import test_orbit_map; "
+            "test_orbit_map.print_what_differs_on_two_workers()",
         ],
         cwd=Path(__file__).parent,
         capture_output=True,
