@@ -5,9 +5,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from threading import Event, Timer
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from jaxcrusher.batch.cluster import connected, local_workers
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import command, versions
@@ -15,12 +17,16 @@ from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin
 from optimize.answer import Answer
 from optimize.ask.options import Options
+from optimize.ask.problem import Problem
 from optimize.ask.resolve import resolve, tell
 from optimize.search.concurrent import Stopped
 from optimize.search.stages import STAGES, Work
 from optimize.tell import result_file, screen
 from optimize.tell.checks import judge
 from optimize.tell.page.document import write_page
+
+if TYPE_CHECKING:
+    import distributed
 
 WRITTEN = ("result.json", "report.html", "orbits.nc", "landscape.nc", "*.png")
 # Finished chunks of a search that is not finished.
@@ -36,11 +42,22 @@ def design_search(options: Options, console: Console) -> Answer:
     """
     problem = resolve(options)
     tell(problem, options.scene)
+    with local_workers(options.scheduler) as scheduler, connected(scheduler) as client:
+        return _answered(problem, options, client, console)
+
+
+def _answered(
+    problem: Problem,
+    options: Options,
+    scheduler: "distributed.Client | None",
+    console: Console,
+) -> Answer:
+    """Search with the workers of a scheduler, or here."""
     folder = begin(options.folder, problem.settings, *WRITTEN)
     journal = Journal(folder / CHUNKS, Path(__file__).parent)
     answer = Answer(problem, command(), versions("scipy"))
     with progress(console) as bars:
-        work = Work(folder, bars, journal)
+        work = Work(folder, bars, journal, scheduler)
         try:
             with _for_seconds(options.seconds, work.stop):
                 for i, stage in enumerate(STAGES.values()):

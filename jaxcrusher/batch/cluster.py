@@ -1,16 +1,16 @@
-"""Chunks of a sweep on a Dask cluster: workers compute, the caller writes.
+"""Chunks on a Dask cluster: workers compute, the caller writes.
 
-The workers get an ensemble's method and a number, and send back its columns, some 100 kB a chunk.
-They need no shared file system and no lock, and a worker that dies holds nothing but its chunk in
-progress, which Dask gives to another one. A worker may be new at any chunk. So it gets the method
-as bytes, and opens them when it is set up: they import Equinox, which reads its settings then.
+The workers get a function and what it takes for a chunk, and send back what it makes of it, some
+100 kB. They need no shared file system and no lock, and a worker that dies holds nothing but its
+chunk in progress, which Dask gives to another one. A worker may be new at any chunk. So it gets
+both as bytes, and opens them when it is set up: they import Equinox, which reads its settings then.
 """
 
 import contextlib
-from collections.abc import Callable, Generator, Iterator
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+import functools
+import logging
+from collections.abc import Callable, Generator, Iterable, Iterator
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.setup import set_up
@@ -19,29 +19,26 @@ from jaxcrusher.files.provenance import environment
 if TYPE_CHECKING:
     import distributed
 
-# A chunk's number, its values by column, and a record of how they were computed.
-Result = tuple[int, dict[str, np.ndarray], dict[str, Any]]
-# Computes chunks by their numbers, and yields them as they finish.
-Compute = Callable[[list[int]], Generator[Result, None, None]]
+Item = TypeVar("Item")
+Found = TypeVar("Found")
+_WITHOUT_DASK = "Argument `scheduler` needs Dask: pip install 'jaxcrusher[cluster]'."
 
 
 @contextlib.contextmanager
-def workers(
-    scheduler: "str | distributed.Client",
-    compute: Callable[[int], Result],
-    name: Callable[[int], str],
-) -> Iterator[tuple[dict[str, Any], Compute]]:
-    """Yield the environment of a cluster's workers, and how they `compute` chunks of such a `name`.
+def connected(
+    scheduler: "str | distributed.Client | None",
+) -> "Iterator[distributed.Client | None]":
+    """Yield the client of a scheduler: a new one for an address, and None for this machine.
 
-    `scheduler` is a client or an address. Raises ValueError for anything else, and ImportError if
-    Dask is not installed.
+    Raises ValueError for anything else, and ImportError if Dask is not installed.
     """
+    if scheduler is None:
+        yield None
+        return
     try:
         import distributed
     except ImportError:
-        raise ImportError(
-            "Argument `scheduler` needs Dask: pip install 'jaxcrusher[cluster]'."
-        ) from None
+        raise ImportError(_WITHOUT_DASK) from None
     own = not isinstance(scheduler, distributed.Client)
     if own:
         # Before a client tries it, which would hold the process for a minute at its end.
@@ -49,12 +46,31 @@ def workers(
         require(_is_address(scheduler), "scheduler", must, repr(scheduler))
     client = distributed.Client(scheduler, set_as_default=False) if own else scheduler
     try:
-        # Waits for the first worker.
-        program = client.submit(worker_environment, pure=False).result()
-        yield program, lambda numbers: compute_on(client, compute, name, program, numbers)
+        yield client
     finally:
         if own:
             client.close()
+
+
+@contextlib.contextmanager
+def local_workers(scheduler: str | None) -> "Iterator[str | distributed.Client | None]":
+    """Yield a cluster of processes of this machine for a number; an address, or None, as it is."""
+    if scheduler is None or not scheduler.isdecimal():
+        yield scheduler
+        return
+    require(int(scheduler) >= 1, "scheduler", "be an address or a number >= 1", scheduler)
+    try:
+        import distributed
+    except ImportError:
+        raise ValueError(_WITHOUT_DASK) from None
+    cluster = distributed.LocalCluster(
+        n_workers=int(scheduler),
+        threads_per_worker=1,
+        dashboard_address=None,  # pyright: ignore
+        silence_logs=logging.ERROR,
+    )
+    with cluster, distributed.Client(cluster, set_as_default=False) as client:
+        yield client
 
 
 def _is_address(given: Any) -> bool:
@@ -75,19 +91,19 @@ def worker_environment() -> dict[str, Any]:
 
 def compute_on(
     client: "distributed.Client",
-    compute: Callable[[int], Result],
-    name: Callable[[int], str],
+    compute: Callable[[Item], Found],
+    name: Callable[[Item], str],
     program: dict[str, Any],
-    numbers: list[int],
-) -> Generator[Result, None, None]:
-    """Yield the chunks as they finish; RuntimeError names a chunk that workers failed on.
+    items: Iterable[Item],
+) -> Generator[Found, None, None]:
+    """Yield what workers `compute` of items as they finish; RuntimeError names one that fails.
 
     `program` is the environment that each worker must have.
     """
     from distributed import as_completed
     from distributed.protocol.pickle import dumps
 
-    todo, packed = iter(numbers), dumps(compute)
+    todo, packed = iter(items), dumps(compute)
     pending = {}
     finished = as_completed(loop=client.loop)
 
@@ -95,9 +111,9 @@ def compute_on(
         # Two chunks a thread keep every worker busy, and no results pile up unwritten.
         threads: dict[str, int] = client.nthreads()  # pyright: ignore
         wanted = max(1, 2 * sum(threads.values()))
-        for number in todo:
-            future = client.submit(_work, packed, number, program, pure=False)
-            pending[future] = number
+        for item in todo:
+            future = client.submit(_work, packed, dumps(item), program, pure=False)
+            pending[future] = name(item)
             finished.add(future)
             if len(pending) >= wanted:
                 break
@@ -105,21 +121,30 @@ def compute_on(
     try:
         submit()
         for future in finished:
-            number = pending.pop(future)
+            called = pending.pop(future)
             try:
                 result = future.result()
             except Exception as error:
-                raise RuntimeError(f"Chunk {name(number)} was not computed: {error}") from error
+                raise RuntimeError(f"Chunk {called} was not computed: {error}") from error
             submit()
             yield result
     finally:
         client.cancel(list(pending))
 
 
-def _work(packed: bytes, number: int, program: dict[str, Any]) -> Result:
+def _work(packed: bytes, item: bytes, program: dict[str, Any]) -> Any:
     here = worker_environment()
-    if here != program:
-        raise RuntimeError(f"this worker has {here}, the store is made with {program}")
+    if other := [name for name in here if here[name] != program[name]]:
+        own, theirs = ({name: one[name] for name in other} for one in (here, program))
+        raise RuntimeError(f"this worker has {own}, the other chunks are made with {theirs}")
     from distributed.protocol.pickle import loads
 
-    return loads(packed)(number)
+    return _opened(packed)(loads(item))
+
+
+@functools.lru_cache(maxsize=8)
+def _opened(packed: bytes) -> Callable[[Any], Any]:
+    """Return the function of all its chunks: what compares its parts by identity compiles once."""
+    from distributed.protocol.pickle import loads
+
+    return loads(packed)

@@ -7,12 +7,15 @@ it is asked to (see `basics.loop_kernels`). Where the user lets JAX compute on a
 lanes cannot do runs side by side under `jax.vmap`.
 """
 
+import contextlib
+import functools
 import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import islice
-from typing import Any, Literal, TypeVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import equinox as eqx
 import jax
@@ -25,12 +28,17 @@ from jaxcrusher.basics.checks import require, require_choice, require_own_proces
 from jaxcrusher.basics.devices import computes_on, devices, finds_card
 from jaxcrusher.basics.setup import remind_of_idle_cores
 from jaxcrusher.basics.traced import traced
-from jaxcrusher.files.journal import Journal, text_of
+from jaxcrusher.batch.cluster import compute_on, connected
+from jaxcrusher.files.journal import Journal, finished, text_of
+from jaxcrusher.files.provenance import environment
 from jaxcrusher.lanes.card import GPU
 from jaxcrusher.lanes.machine import PROCESSOR, Target
 from jaxcrusher.lanes.program import NoIntegration, program
 from jaxcrusher.lanes.verify import Unsupported
 from jaxcrusher.motion.recorded import recorded
+
+if TYPE_CHECKING:
+    import distributed
 
 # Designs in a chunk: enough for all lanes of all cores to be busy nearly to its end.
 CHUNK = 1024
@@ -109,13 +117,16 @@ def run_chunks(
     whole: int = 1,
     skips: bool = False,
     journal: Journal | None = None,
-) -> Iterator[tuple[slice, PyTree]]:
+    scheduler: "str | distributed.Client | None" = None,
+) -> Generator[tuple[slice, PyTree], None, None]:
     """Do as `map_chunks` for a function that always does the same, which is not traced again.
 
     It is an `equinox.Partial` of a module-level function of this package. A chunk is filled up to
     a multiple of `whole` designs, so that few sizes are compiled: with designs of NaN if the
     function `skips` these, else with its last one. With a `journal` finished chunks, whose results
-    are named arrays, are not computed again.
+    are named arrays, are not computed again, and come first. Of several chunks each is
+    computed by a worker of the `scheduler`, as in `jaxcrusher.sweep`, and comes as it finishes; the
+    workers must have this process's environment.
     """
     _require_stacked(function, scenes)
     if chunk is not None:
@@ -123,40 +134,98 @@ def run_chunks(
     # Chunks are cut by NumPy: JAX would take a millisecond for each leaf.
     scenes = jax.tree.map(np.asarray, scenes)
     count = jax.tree.leaves(scenes)[0].shape[0]
-    shares = len(devices())
     chunk = chunk or chunk_of(count, engine)
-    engine = engine or default_engine(min(chunk, count))
-    run = run_of(engine)
+    if engine is None:  # The workers of a scheduler may have other devices.
+        engine = default_engine(min(chunk, count)) if scheduler is None else "lanes"
     size = -(-count // -(-count // chunk))
+    size = _shared(-(-size // whole) * whole)
+    compute = functools.partial(_computed, function=function, size=size, engine=engine, skips=skips)
+    chunks = [slice(first, min(first + size, count)) for first in range(0, count, size)]
+    places: dict[int, Path] = {}
+    if journal is not None:
+        numbers, rest = eqx.partition(function, eqx.is_array)
+        # Of the same engine: another one, as on another device, gives other bits.
+        text = f"{name_of(engine)} {text_of(jax.tree.flatten(rest))}"
+        for rows in chunks:
+            inputs = jax.tree.leaves((numbers, _part(scenes, rows)))
+            places[rows.start] = journal.place(text, inputs)
+    todo = []
+    for rows in chunks:
+        known = None if journal is None else finished(places[rows.start])
+        if known is None:
+            todo.append(rows)
+        else:
+            yield rows, known
+    parts = ((rows, _part(scenes, rows)) for rows in todo)
+    # A worker takes a tenth of a second more for a chunk, and no less where it is the only one.
+    where = scheduler if len(todo) > 1 else None
+    with computing(compute, parts, engine, where, _name) as results:
+        for rows, result in results:
+            if journal is not None:
+                journal.keep(places[rows.start], result)
+            yield rows, result
+
+
+def _part(scenes: PyTree, rows: slice) -> PyTree:
+    return jax.tree.map(lambda leaf: leaf[rows], scenes)
+
+
+def _name(part: tuple[slice, PyTree]) -> str:
+    rows, _ = part
+    return f"of rows {rows.start} to {rows.stop - 1}"
+
+
+def _shared(size: int) -> int:
+    """Return the least size of a chunk, from `size` on, that all devices share evenly."""
+    shares = len(devices())
     # XLA opens a loop over one design, and then rounds differently: each device gets two.
-    size = max(-(-size // whole) * whole, 2 * shares)
-    size = -(-size // shares) * shares
-    numbers, rest = eqx.partition(function, eqx.is_array)
-    # Of the same engine: another one, as on another device, gives other bits.
-    text = f"{name_of(engine)} {text_of(jax.tree.flatten(rest))}" if journal is not None else ""
+    return -(-max(size, 2 * shares) // shares) * shares
 
-    def of_chunk(first: int) -> tuple[slice, PyTree]:
-        rows = slice(first, min(first + size, count))
-        # Interleaved: neighbours in a grid cost about the same, and each device gets both.
-        order = np.argsort(np.arange(size) % shares, kind="stable")
-        part = jax.tree.map(lambda leaf: _filled(leaf[rows], size, skips)[order], scenes)
-        back = np.argsort(order)[: rows.stop - rows.start]
 
-        def compute() -> PyTree:
-            result = run(function, part)
-            return jax.tree.map(lambda leaf: np.asarray(leaf)[back], result)
-
-        if journal is None:
-            return rows, compute()
-        return rows, journal.kept(text, jax.tree.leaves((numbers, part)), compute)
-
-    yield from in_order(of_chunk, range(0, count, size), engine)
+def _computed(
+    part: tuple[slice, PyTree],
+    function: Callable[[Any], PyTree],
+    size: int,
+    engine: Engine,
+    skips: bool,
+) -> tuple[slice, PyTree]:
+    """Compute a chunk, filled up to a size that the devices of this process share."""
+    (rows, scenes), size = part, _shared(size)
+    # Interleaved: neighbours in a grid cost about the same, and each device gets both.
+    order = np.argsort(np.arange(size) % len(devices()), kind="stable")
+    filled = jax.tree.map(lambda leaf: _filled(leaf, size, skips)[order], scenes)
+    result = run_of(engine)(function, filled)
+    back = np.argsort(order)[: rows.stop - rows.start]
+    return rows, jax.tree.map(lambda leaf: np.asarray(leaf)[back], result)
 
 
 def _filled(designs: np.ndarray, size: int, skips: bool) -> np.ndarray:
     """Fill a chunk up to its size with designs of NaN, or with its last one."""
     last = np.full(designs[-1:].shape, np.nan) if skips else designs[-1:]
     return np.concatenate([designs, np.repeat(last, size - len(designs), axis=0)])
+
+
+@contextlib.contextmanager
+def computing(
+    function: Callable[[Item], Found],
+    items: Iterable[Item],
+    engine: Engine,
+    scheduler: "str | distributed.Client | None",
+    name: Callable[[Item], str],
+    program: dict[str, Any] | None = None,
+) -> Iterator[Iterator[Found]]:
+    """Yield what a function of chunks makes of each: here in order, on workers as they finish.
+
+    Workers must have the environment `program`, that of this process if None. An error says the
+    `name` of its chunk.
+    """
+    with connected(scheduler) as client:
+        if client is None:
+            results = in_order(function, items, engine)
+        else:
+            results = compute_on(client, function, name, program or environment(), items)
+        with contextlib.closing(results):
+            yield results
 
 
 def in_order(
@@ -191,12 +260,15 @@ def run_all(
     **settings: Any,
 ) -> PyTree:
     """Return the results of `run_chunks`, with its further `settings`, joined as by `map_all`."""
-    parts = []
-    for rows, results in run_chunks(function, scenes, chunk, engine, **settings):
-        parts.append(results)
-        if progress is not None:
-            progress(rows.stop, len(jax.tree.leaves(scenes)[0]))
-    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *parts)
+    parts, done = dict[int, PyTree](), 0
+    with contextlib.closing(run_chunks(function, scenes, chunk, engine, **settings)) as chunks:
+        for rows, results in chunks:
+            parts[rows.start] = results
+            done += rows.stop - rows.start
+            if progress is not None:
+                progress(done, len(jax.tree.leaves(scenes)[0]))
+    ordered = [parts[first] for first in sorted(parts)]
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves), *ordered)
 
 
 def _require_stacked(function: Callable[[Any], PyTree], scenes: PyTree) -> None:

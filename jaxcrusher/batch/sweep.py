@@ -4,7 +4,6 @@ What a chunk of a sweep holds depends on its ensemble and number only: each desi
 program of its own numbers, and knows neither its neighbours nor how many there are.
 """
 
-import contextlib
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -21,13 +20,13 @@ import xarray as xr
 
 from jaxcrusher.basics.checks import require_whole
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.cluster import Result, workers
+from jaxcrusher.batch.cluster import connected, worker_environment
 from jaxcrusher.batch.engines import (
     CARD_CHUNK,
     Engine,
     chunk_of,
+    computing,
     default_engine,
-    in_order,
     name_of,
     run_all,
     run_of,
@@ -151,7 +150,7 @@ class Ensemble:
     window: Window
     engine: Engine
 
-    def compute(self, number: int) -> Result:
+    def compute(self, number: int) -> tuple[int, dict[str, np.ndarray], dict[str, Any]]:
         """Compute a chunk: values of the shape of its region, and how they were computed."""
         started, designs = perf_counter(), self.layout.designs(number)
         grid, most = self.layout.grid, math.prod(self.layout.chunk)
@@ -189,25 +188,24 @@ class Ensemble:
     ) -> xr.Dataset:
         """Fill the table, or what a store lacks of it: chunks are written as they come."""
         layout, report = self.layout, progress or (lambda finished, of: None)
-        if scheduler is None:
-            here = environment(), lambda numbers: in_order(self.compute, numbers, self.engine)
-            computing = contextlib.nullcontext(here)
-        else:
-            computing = workers(scheduler, self.compute, layout.name)
         about = self.window.settings() | {"engine": name_of(self.engine)}
-        with (
-            computing as (program, compute),
-            opened(layout, store, title, self.settings(), about, program) as kept,
-        ):
-            finished = sum(map(layout.size, kept.done))
-            report(finished, layout.grid.size)
-            missing = [n for n in range(layout.count) if n not in kept.done]
-            with contextlib.closing(compute(missing)) as results:
-                for number, values, record in results:
-                    kept.write(number, values, record)
-                    finished += layout.size(number)
-                    report(finished, layout.grid.size)
-            found = kept.dataset()
+        with connected(scheduler) as client:
+            program = environment()
+            if client is not None:  # which waits for the first worker
+                program = client.submit(worker_environment, pure=False).result()
+            with opened(layout, store, title, self.settings(), about, program) as kept:
+                finished = sum(map(layout.size, kept.done))
+                report(finished, layout.grid.size)
+                missing = [n for n in range(layout.count) if n not in kept.done]
+                compute = computing(
+                    self.compute, missing, self.engine, client, layout.name, program
+                )
+                with compute as results:
+                    for number, values, record in results:
+                        kept.write(number, values, record)
+                        finished += layout.size(number)
+                        report(finished, layout.grid.size)
+                found = kept.dataset()
         unsettled = int((found.success & ~found.settled).sum())
         remark = (
             f"{unsettled} of {found.success.size} designs have not settled within their turns: see "

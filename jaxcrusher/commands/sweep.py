@@ -1,16 +1,13 @@
 """`python -m jaxcrusher sweep`: statistics over a grid of crushers, in a Zarr store."""
 
-import contextlib
-import logging
 import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import matplotlib.pyplot as plt
 import xarray as xr
 from rich.console import Console
 
-from jaxcrusher.basics.checks import renamed, require
+from jaxcrusher.basics.checks import renamed
+from jaxcrusher.batch.cluster import local_workers
 from jaxcrusher.batch.sweep import sweep
 from jaxcrusher.commands.machines import bounds, read_axes, read_machine, write_dataset
 from jaxcrusher.commands.options import Sweep
@@ -20,9 +17,6 @@ from jaxcrusher.files.results import results_folder, write_figure
 from jaxcrusher.files.text import number
 from jaxcrusher.pictures.plots import plot_sweep
 from jaxcrusher.scenes.units import all_said, units_of
-
-if TYPE_CHECKING:
-    import distributed
 
 
 def run(options: Sweep, console: Console) -> int:
@@ -35,7 +29,7 @@ def run(options: Sweep, console: Console) -> int:
     designs = math.prod(len(axis) for axis in axes.values())
     # The store is chosen by --name here.
     called = renamed(store="name", settle_turns="settle")
-    with progress(console) as bars, _workers(options.scheduler) as scheduler, called:
+    with progress(console) as bars, local_workers(options.scheduler) as scheduler, called:
         bar = bars.add_task("designs", total=designs)
         grid = sweep(
             found,
@@ -62,29 +56,6 @@ def run(options: Sweep, console: Console) -> int:
     console.print(closing(grid, leading, units))
     console.print(", ".join(map(str, written)))
     return 0 if bool(grid.success.all()) else 1
-
-
-@contextlib.contextmanager
-def _workers(scheduler: str | None) -> "Iterator[str | distributed.Client | None]":
-    """A cluster of worker processes for a number; an address, or None, as it is."""
-    if scheduler is None or not scheduler.isdecimal():
-        yield scheduler
-        return
-    require(int(scheduler) >= 1, "scheduler", "be an address or a number >= 1", scheduler)
-    try:
-        import distributed
-    except ImportError:
-        raise ValueError(
-            "Argument `scheduler` needs Dask: pip install 'jaxcrusher[cluster]'."
-        ) from None
-    cluster = distributed.LocalCluster(
-        n_workers=int(scheduler),
-        threads_per_worker=1,
-        dashboard_address=None,  # pyright: ignore
-        silence_logs=logging.ERROR,
-    )
-    with cluster, distributed.Client(cluster, set_as_default=False) as client:
-        yield client
 
 
 def closing(grid: xr.Dataset, leading: str, units: dict[str, str]) -> str:

@@ -3,10 +3,11 @@
 Of one machine, or of a grid of them.
 """
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -16,8 +17,9 @@ from jaxtyping import Float, Int
 
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.batch.engines import run_all
-from jaxcrusher.batch.points import make_grid
+from jaxcrusher.batch.cluster import connected
+from jaxcrusher.batch.engines import computing, run_all
+from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import Layout, opened
 from jaxcrusher.files.table import COLUMNS
 from jaxcrusher.files.text import number
@@ -32,6 +34,9 @@ from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.transient import WAIT_RTOL, section_points
 from jaxcrusher.scenes.earlier import axes_first
 from jaxcrusher.scenes.machine import Machine, machine_of
+
+if TYPE_CHECKING:
+    import distributed
 
 # A run is looked at so many times; the orbits searched for, and a multiple of all their periods.
 LOOKS, PERIODS, CYCLE = 4, (1, 2, 3, 4), 12
@@ -294,6 +299,7 @@ def basin_map(
     turns: int = 1000,
     seed: int = 0,
     store: str | Path | None = None,
+    scheduler: "str | distributed.Client | None" = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
     """Find the stable orbits of every design of a grid, and how many random starts come to each.
@@ -307,6 +313,7 @@ def basin_map(
     - `starts`, `spread`, `turns`, `seed`: as in `jaxcrusher.coexisting_orbits`.
     - `store`: None, or a folder in which each finished design is kept, as a Zarr store. Killed at
       any moment and called again with the same arguments, the map goes on where it was.
+    - `scheduler`: as in `jaxcrusher.orbit_map`; a worker looks at a design.
     - `progress`: called with the number of finished and of all designs, first at the start.
 
     **Returns:** an `xarray.Dataset` with a dimension for each axis: `worst_rms` and `likeliest_rms`
@@ -316,13 +323,13 @@ def basin_map(
     where there are fewer orbits. With a dimension `start`: `label`, the place of the orbit to which
     it came, -1 for none, and `start_state`, its section point.
 
-    Raises ValueError for bad arguments, and as `jaxcrusher.coexisting_orbits` does.
+    Raises ValueError for bad arguments, and as `jaxcrusher.coexisting_orbits` does; RuntimeError
+    for workers that fail, and ImportError as `jaxcrusher.sweep` does.
     """
     require_set_up()
     _require_asked(starts, spread, turns, seed)
     grid = make_grid(machine_of(machine), axes)
     report = progress or (lambda finished, of: None)
-    report(0, grid.size)
     asked = {"starts": starts, "spread": spread, "turns": turns, "seed": seed}
     columns = {name: COLUMNS[name] for name in HELD}
     # The quiet orbit is among them without a start that came to it.
@@ -330,16 +337,28 @@ def basin_map(
     sizes = {"orbit": starts + 1, "start": starts, "coordinate": size}
     layout = Layout(grid, columns, (1,) * len(grid.shape), sizes)
     title = "Coexisting periodic orbits of machines over a grid of parameters"
-    with opened(layout, store, title, grid.settings() | asked, asked) as kept:
-        for design in range(grid.size):
-            if design not in kept.done:
-                row = _row(coexisting_orbits(grid.scene(design), **asked), starts + 1)
+    with (
+        connected(scheduler) as client,
+        opened(layout, store, title, grid.settings() | asked, asked) as kept,
+    ):
+        finished = len(kept.done)
+        report(finished, grid.size)
+        missing = [design for design in range(grid.size) if design not in kept.done]
+        look = functools.partial(_looked_at, grid=grid, asked=asked)
+        with computing(look, missing, "lanes", client, layout.name) as results:
+            for design, row in results:
                 cell = {name: np.reshape(v, layout.chunk + np.shape(v)) for name, v in row.items()}
                 kept.write(design, cell, {})
-            report(design + 1, grid.size)
+                finished += 1
+                report(finished, grid.size)
         found = kept.dataset()
         most = int((found.orbit_period > 0).sum("orbit").max())
         return found.isel(orbit=slice(0, most))
+
+
+def _looked_at(design: int, grid: Grid, asked: Mapping[str, Any]) -> tuple[int, dict[str, Any]]:
+    found = coexisting_orbits(grid.scene(design), **asked)
+    return design, _row(found, asked["starts"] + 1)
 
 
 def _row(found: CoexistingOrbits, most: int) -> dict[str, Any]:

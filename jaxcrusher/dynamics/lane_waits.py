@@ -7,7 +7,7 @@ has no orbit is named by its section points, and has an RMS with a standard erro
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -38,6 +38,9 @@ from jaxcrusher.orbits.transient import (
 )
 from jaxcrusher.periodic.shooting_problem import CLOSURE
 
+if TYPE_CHECKING:
+    import distributed
+
 # The tolerance of a turn whose differences are slopes. It leaves 1e-9 of a clearance.
 FINE = 1e-10
 # Steps of these differences: a share of the spread of section points, and the shortest one. A
@@ -45,7 +48,8 @@ FINE = 1e-10
 SHARE, SHORTEST = 0.01, 1e-6
 # Turns over which the distance of two motions is followed, which tells chaos.
 GROWN = 24
-
+# Cases of a chunk on a cluster.
+WORKER_CASES = 4 * LANES
 
 # Numbers that are free, and all others, of stacked cases.
 Cases = tuple[Float[np.ndarray, "cases n"], PyTree]
@@ -72,9 +76,12 @@ class LaneWaits:
         engine: Engine | None,
         journal: Journal | None,
         tell: Callable[[], None],
+        scheduler: "distributed.Client | None" = None,
     ) -> None:
         self._scene, self._cases, self._tell = scene, cases, tell
-        self._settings, self._journal = {"engine": engine, "whole": LANES}, journal
+        self._settings = {"engine": engine, "whole": LANES, "scheduler": scheduler}
+        # All cores of this machine have work in one chunk, and each worker gets one of its own.
+        self._chunk, self._journal = None if scheduler is None else WORKER_CASES, journal
         self._at: dict[int, np.ndarray] = {}  # states
         self._scenes: dict[int, Scene] = {}
         self._seen: dict[int, list[dict[str, np.ndarray]]] = {}
@@ -220,7 +227,7 @@ class LaneWaits:
         With it comes where every pin keeps contact.
         """
         known = which.tolist()
-        orbits, success = self._run(eqx.Partial(one_period, period=period), states, known)
+        orbits, success = self._run(eqx.Partial(_one_period, period=period), states, known)
         kept = np.all(np.linalg.norm(pins(orbits), axis=3) > 1, axis=(1, 2)) & success
         return np.where(success[:, None, None], orbits, np.nan), kept
 
@@ -232,7 +239,8 @@ class LaneWaits:
         journal: Journal | None = None,
     ) -> Any:
         scenes = jax.tree.map(lambda *leaves: np.stack(leaves), *(self._scenes[n] for n in which))
-        return run_all(function, (states, scenes), len(which), journal=journal, **self._settings)
+        chunk = self._chunk or len(which)
+        return run_all(function, (states, scenes), chunk, journal=journal, **self._settings)
 
     def _states(self, which: list[int]) -> np.ndarray:
         return np.stack([self._at[case] for case in which])
@@ -252,6 +260,11 @@ def _on(case: SceneAt) -> dict[str, Array]:
 
 def _after(case: SceneAt, turns: int) -> Array:
     return section_points(case, turns=turns, rtol=FINE)[0][-1]
+
+
+# What is jitted in a module cannot be pickled.
+def _one_period(case: SceneAt, period: int) -> tuple[Array, Array]:
+    return one_period(case, period=period)
 
 
 def _whirls(case: SceneAt) -> Array:

@@ -10,7 +10,7 @@ what has no stable orbit is named.
 
 import itertools
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
@@ -29,6 +29,9 @@ from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit
 from jaxcrusher.orbits.transient import TURNS
 from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.trigonometric import resample
+
+if TYPE_CHECKING:
+    import distributed
 
 Rows = dict[str, np.ndarray]
 # Numbers that are free, and all others.
@@ -85,6 +88,7 @@ def solve_orbits(
     enough: float = np.inf,
     engine: Engine | None = None,
     journal: Journal | None = None,
+    scheduler: "distributed.Client | None" = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Rows:
     """Solve for the orbits of stacked cases, and return their rows in columns.
@@ -102,6 +106,7 @@ def solve_orbits(
       undecided.
     - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
     - `journal`: of finished chunks.
+    - `scheduler`: whose workers compute the chunks; None for this process.
     - `progress`: called with the number of finished and of all cases; while motions are waited for,
       those with a stable orbit are finished.
 
@@ -111,7 +116,8 @@ def solve_orbits(
     from rest is where there is no stable orbit, and its RMS with a standard error.
     """
     count = len(cases[0])
-    solutions = _Solutions(sought, cases, levels[-1] * sought.period, chunk, engine, journal)
+    points = levels[-1] * sought.period
+    solutions = _Solutions(sought, cases, points, chunk, engine, journal, scheduler)
     report = progress or (lambda finished, of: None)
     solutions.fill(np.arange(count), levels[0], alone, report)
     if quick:
@@ -122,7 +128,7 @@ def solve_orbits(
     def tell() -> None:
         report(count - len(solutions.unstable()), count)
 
-    waits = LaneWaits(sought.scene, cases, engine, journal, tell)
+    waits = LaneWaits(sought.scene, cases, engine, journal, tell, scheduler)
     if neighbours is not None and len(left):
         sections[left] = solutions.wait(waits, left)
     for nodes in levels[1:] or levels:
@@ -157,9 +163,11 @@ class _Solutions:
         chunk: int,
         engine: Engine | None,
         journal: Journal | None,
+        scheduler: "distributed.Client | None" = None,
     ) -> None:
         self._sought, self._cases, self._chunk = sought, cases, chunk
-        self._settings = {"engine": engine or without_lanes(), "journal": journal}
+        engine = engine or without_lanes()
+        self._settings = {"engine": engine, "journal": journal, "scheduler": scheduler}
         self.points, self.rows = points, Rows()
         # NaN stands for the pin at rest.
         self.orbits = np.full((len(cases[0]), points, sought.dims), np.nan)
@@ -218,7 +226,7 @@ class _Solutions:
             return
         given = jax.tree.map(lambda leaf: np.asarray(leaf)[cases], self._cases), sections[cases]
         solve = eqx.Partial(_shot, sought=self._sought, points=self.points)
-        found = self._run(solve, given, len(cases))
+        found = self._run(solve, given)
         good = found["success"]
         self.orbits[cases[good]] = found.pop("eccentricity")[good]
         for name, column in found.items():
@@ -228,13 +236,12 @@ class _Solutions:
         self,
         solve: Callable[..., dict[str, Array]],
         given: PyTree,
-        chunk: int,
         progress: Callable[[int, int], None] | None = None,
     ) -> Rows:
         """Solve stacked cases from their guesses; what fills the last chunk is skipped."""
         function = eqx.Partial(_row, solve=solve)
-        settings = {"progress": progress, "whole": chunk, "skips": True, **self._settings}
-        return run_all(function, given, chunk, **settings)
+        settings = {"progress": progress, "whole": self._chunk, "skips": True, **self._settings}
+        return run_all(function, given, self._chunk, **settings)
 
     def unstable(self) -> np.ndarray:
         """Return the cases without a stable orbit."""
@@ -314,7 +321,7 @@ class _Solutions:
         def tell(done: int, _: int) -> None:
             report(done if first else total, total)
 
-        found = self._run(solve, given, self._chunk, tell)
+        found = self._run(solve, given, tell)
         if first:
             self.rows = {
                 name: np.zeros((total, *column.shape[1:]), column.dtype)
@@ -360,13 +367,13 @@ def _row(
     given: tuple[DesignCase, Array], solve: Callable[..., dict[str, Array]]
 ) -> dict[str, Array]:
     """Solve one case from a guess; a case of NaN, which only fills a chunk, is skipped."""
+    solve = eqx.filter_jit(solve)  # traced once; what is jitted in a module cannot be pickled
     like = jax.eval_shape(solve, given)
     nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
     fills = jnp.isnan(jnp.concatenate([leaf.ravel() for leaf in jax.tree.leaves(given[0])])).any()
     return jax.lax.cond(fills, lambda _: nothing, lambda given: solve(given), given)  # hashable
 
 
-@eqx.filter_jit
 def _solved(
     given: tuple[DesignCase, Float[Array, "points dims"]], sought: Sought, nodes: int
 ) -> dict[str, Array]:
@@ -376,7 +383,6 @@ def _solved(
     return _described(case, guess, sought, nodes=nodes, guess=first)
 
 
-@eqx.filter_jit
 def _shot(
     given: tuple[DesignCase, Float[Array, " states"]], sought: Sought, points: int
 ) -> dict[str, Array]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import numpy as np
@@ -11,6 +11,7 @@ from jaxtyping import Array, PyTree, Scalar
 
 from jaxcrusher.basics.checks import require, require_choice, require_names, require_whole
 from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.batch.cluster import connected
 from jaxcrusher.batch.engines import Engine, name_of, without_lanes
 from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import Layout, opened
@@ -22,6 +23,9 @@ from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.solving import NODES, SETTLED
 from jaxcrusher.scenes.earlier import axes_first
 from jaxcrusher.scenes.machine import AbstractStructure, Machine, machine_of, scene_by
+
+if TYPE_CHECKING:
+    import distributed
 
 
 @axes_first
@@ -35,6 +39,7 @@ def orbit_map(
     nodes: int | None = None,
     store: str | Path | None = None,
     engine: Engine | None = None,
+    scheduler: "str | distributed.Client | None" = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
     """Solve for the periodic orbit of every design of a grid, as `jaxcrusher.periodic_orbit` does.
@@ -62,6 +67,8 @@ def orbit_map(
       and ends with the same bits.
     - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for. The
       attribute `engine` names the one that solves for orbits.
+    - `scheduler`: as in `jaxcrusher.sweep`. Its workers must have this process's environment, and
+      the map has the same bits as without.
     - `progress`: called with the number of finished and of all designs, first at the start; what
       fails is finished when its neighbours have been tried.
 
@@ -75,7 +82,8 @@ def orbit_map(
     "chaotic", "whirl", "not settled", "undecided" or "failed"; `run_rms` is its RMS over the last
     half of the turns that were waited for, and `run_rms_error` the standard error of that.
 
-    Raises ValueError for bad arguments, and in one line for scenes that have no such orbit.
+    Raises ValueError for bad arguments, and in one line for scenes that have no such orbit;
+    RuntimeError for workers that fail, and ImportError as `jaxcrusher.sweep` does.
     """
     require_set_up()
     require_whole("period", period, 1)
@@ -100,7 +108,10 @@ def orbit_map(
     layout, done = _layout(grid, first, slopes, metric), 0
     title = "Periodic orbits of machines over a grid of parameters"
     told = asked | {"engine": name_of(engine or without_lanes())}
-    with opened(layout, store, title, settings, told) as kept:
+    with (
+        connected(scheduler) as client,
+        opened(layout, store, title, settings, told) as kept,
+    ):
         if 0 not in kept.done:
             found = {}
             for (choices, designs), one in zip(groups, first, strict=True):
@@ -118,6 +129,7 @@ def orbit_map(
                     levels=levels,
                     engine=engine,
                     journal=kept.journal,
+                    scheduler=client,
                     progress=lambda finished, _, before=done: report(before + finished, grid.size),
                 )
                 done += len(designs)

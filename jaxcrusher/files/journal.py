@@ -7,7 +7,7 @@ import re
 import shutil
 import sys
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from types import FunctionType
@@ -33,24 +33,22 @@ class Journal:
     def __init__(self, folder: Path, *sources: Path) -> None:
         self._folder, self._sources = folder, sources
 
-    def kept(self, function: str, inputs: Iterable[Any], compute: Callable[[], Arrays]) -> Arrays:
-        """Return the arrays of a chunk, computed now unless an earlier run has finished it.
+    def place(self, function: str, inputs: Iterable[Any]) -> Path:
+        """Return the file of a chunk; `function` tells what is computed of the inputs.
 
-        `function` tells what is computed of the inputs, as `text_of` does. A file that cannot be
-        read is made anew.
+        It is a text, as `text_of` returns it.
         """
         digest = hashlib.sha256(f"{function}\n{_programs(*self._sources)}".encode())
         for value in inputs:
             array = np.ascontiguousarray(value)
             digest.update(f"{array.dtype} {array.shape}\n".encode() + array.tobytes())
-        path = self._folder / f"{digest.hexdigest()[:32]}.npz"
-        found = _read(path)
-        if found is None:
-            found = compute()
-            self._folder.mkdir(parents=True, exist_ok=True)
-            with writing(path) as partial:
-                np.savez(partial, **found)  # pyright: ignore
-        return found
+        return self._folder / f"{digest.hexdigest()[:32]}.npz"
+
+    def keep(self, place: Path, arrays: Arrays) -> None:
+        """Write the arrays of a finished chunk."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        with writing(place) as partial:
+            np.savez(partial, **arrays)  # pyright: ignore
 
     def discard(self) -> None:
         """Delete all that is kept: the work is finished and its result written."""
@@ -94,10 +92,10 @@ def _code(function: FunctionType, codes: dict[FunctionType, str]) -> str:
     return digest.hexdigest()[:16]
 
 
-def _read(path: Path) -> Arrays | None:
-    """Return the arrays of a file, None where it is not there or damaged."""
+def finished(place: Path) -> Arrays | None:
+    """Return the arrays of a chunk's file, None where it is not there or damaged."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with np.load(place, allow_pickle=False) as file:
             return dict(file)  # each array's checksum is compared
     except (OSError, ValueError, EOFError, zipfile.BadZipFile):
         return None

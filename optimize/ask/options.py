@@ -53,6 +53,9 @@ class Options(Effort):
     """Name of the run: results go to OUT/NAME/."""
     out: Path = Path("results")
     """Folder of all results."""
+    scheduler: str | None = None
+    """Address of a Dask scheduler, as tcp://host:8786, or a number of local worker processes, for
+    map, landscape and long runs; this process without."""
     objective: str | None = None
     """What to make small. Of a crusher rms (without another), peak, smooth_peak, mean: of the
     foundation force |R_O| + |R_C|; shaking_rms, shaking_peak: of what moves of the force on the

@@ -37,6 +37,7 @@ SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
 # Options that do not decide the answer, or do by what they are read as.
 KEPT_APART = (
     "seconds",
+    "scheduler",
     "name",
     "out",
     "scene",

@@ -48,8 +48,8 @@ class Points:
         runs: Repeats,
         tracking: Tracking = NOWHERE,
     ) -> None:
-        self.problem, self._runs, self._tracking = problem, runs, Tracking(journal=tracking.journal)
-        self._told = tracking.progress
+        self.problem, self._runs, self._told = problem, runs, tracking.progress
+        self._tracking = replace(tracking, progress=NOWHERE.progress)
         self.begun, self.units = len(units), np.zeros((0, units.shape[1]))
         self.values, self.least, self.slopes = np.zeros(0), np.zeros(0), np.zeros(units.shape)[:0]
         self.open: dict[int, OpenPoint] = {}  # points that runs speak for, by their number

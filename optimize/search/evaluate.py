@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float, PyTree
 
 import jaxcrusher as jc
 from jaxcrusher.basics.plane import Vector
@@ -22,6 +22,9 @@ from optimize.ask.design import Design
 from optimize.ask.limits import Found
 from optimize.ask.problem import Problem
 
+if TYPE_CHECKING:
+    import distributed
+
 # A machine may start either way: with its pin centred in the bore (hard impacts), and resting in
 # contact (quiet).
 STARTS = ("centred", "contact")
@@ -32,10 +35,18 @@ Rows = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Tracking:
-    """Where a computation tells how much is done of how much, and keeps its finished chunks."""
+    """Where a computation tells how much is done of how much, and where it computes and keeps it.
+
+    Chunks are computed by the workers of a scheduler, or here, and kept in a journal.
+    """
 
     progress: Progress = lambda done, of: None  # told to nobody
     journal: Journal | None = None
+    scheduler: "distributed.Client | None" = None
+
+    def run(self, function: Callable[[Any], PyTree], batch: PyTree, chunk: int) -> PyTree:
+        """Compute a function of each of a batch, as `jaxcrusher.batch.engines.run_all` does."""
+        return run_all(function, batch, chunk, **vars(self))
 
 
 NOWHERE = Tracking()
@@ -72,7 +83,7 @@ def evaluate(
     batch = stacked_scenes(problem, points, jnp.asarray(moves)), np.tile(points, (len(STARTS), 1))
     function = eqx.Partial(_row, problem=problem, window=window)
     at_once = chunk_of(len(STARTS) * len(units), usual=chunk)
-    found = run_all(function, batch, at_once, progress=tracking.progress, journal=tracking.journal)
+    found = tracking.run(function, batch, at_once)
     rows = {
         name: column.reshape(len(STARTS), len(units), *column.shape[1:])
         for name, column in found.items()

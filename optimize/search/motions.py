@@ -71,7 +71,7 @@ def cell_motions(
     function = eqx.Partial(_motion, angles=angles, rtol=rtol)
     batch = (stacked_scenes(problem, points, jnp.zeros((len(points), 2))), states)
     at_once = chunk_of(len(states), usual=CHUNK)
-    found = run_all(function, batch, at_once, progress=tracking.progress, journal=tracking.journal)
+    found = tracking.run(function, batch, at_once)
     steps = int(found.pop("steps").sum())
     *dims, _ = map(str, landscape.state.dims)
     *shape, _ = landscape.state.shape

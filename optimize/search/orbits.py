@@ -69,8 +69,7 @@ def solve(
         sections=sections,
         quick=quick,
         chunk=CHUNK,
-        journal=tracking.journal,
-        progress=tracking.progress,
+        **vars(tracking),
     )
     known = dict(zip(problem.numbers, rows["numbers"].T, strict=True))
     rows["objective"] = known["objective"]

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from threading import Event
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -35,6 +35,9 @@ from optimize.search.evaluate import Tracking, Window, evaluate, judged
 from optimize.search.front import fronts
 from optimize.search.motions import cell_motions
 
+if TYPE_CHECKING:
+    import distributed
+
 # Tolerance of the landscape and its motions, in clearances.
 MAP_RTOL = 1e-6
 # Designs that are looked at before all others: if none of them keeps contact, few or none has an
@@ -56,6 +59,7 @@ class Work:
     folder: Path
     bars: Bars
     journal: Journal
+    scheduler: "distributed.Client | None" = None
     stop: Event = field(default_factory=Event)
     seconds: dict[str, float] = field(default_factory=dict)
     steps: dict[str, int] = field(default_factory=dict)
@@ -71,7 +75,7 @@ class Work:
             if self.stop.is_set():
                 raise Stopped
 
-        yield Tracking(progress, self.journal)
+        yield Tracking(progress, self.journal, self.scheduler)
         self.bars.update(bar, completed=total)
         self.seconds[name] = time.perf_counter() - began
 

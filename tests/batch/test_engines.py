@@ -1,5 +1,6 @@
 """The engine that is chosen where none is asked for: by the card that is there, and the designs."""
 
+import functools
 import sys
 import threading
 from types import ModuleType, SimpleNamespace
@@ -10,7 +11,17 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.devices import finds_card
 from jaxcrusher.batch import engines
-from jaxcrusher.batch.engines import CARD_CHUNK, CHUNK, ENOUGH, in_order, map_all, map_chunks
+from jaxcrusher.batch.engines import (
+    CARD_CHUNK,
+    CHUNK,
+    ENOUGH,
+    in_order,
+    map_all,
+    map_chunks,
+    run_all,
+    run_chunks,
+)
+from jaxcrusher.files.journal import Journal
 from jaxcrusher.lanes.verify import Unsupported
 
 
@@ -171,3 +182,64 @@ def test_an_error_of_a_chunk_on_a_card_is_that_of_the_batch():
     assert next(results) == 0
     with pytest.raises(ValueError, match="no such chunk"):
         next(results)
+
+
+class Doubled:
+    """A function that a worker opens once, as all its chunks are of one program."""
+
+    opened = 0
+
+    def __call__(self, scenes):
+        return {"twice": 2 * scenes}
+
+    def __setstate__(self, _):
+        Doubled.opened += 1
+
+    def __getstate__(self):
+        return {"not": "empty"}
+
+
+computed, others_came = [], threading.Event()
+
+
+def first_ends_last(function, scenes):
+    computed.append(scenes.tolist())
+    if scenes[0] == 0:
+        others_came.wait(60)
+    return function(scenes)
+
+
+def test_chunks_of_a_cluster_come_as_they_finish_and_are_kept_by_the_caller(tmp_path, monkeypatch):
+    """They are joined in order, and an error of the caller gives those in progress up."""
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr(engines, "devices", lambda: [None])
+    values, told = np.arange(8.0), []
+    with distributed.Client(
+        processes=False, n_workers=1, threads_per_worker=2, dashboard_address=None
+    ) as client:
+        asked = Doubled(), values, 2, first_ends_last
+        came = []
+        for rows, _ in run_chunks(*asked, scheduler=client):
+            came.append(rows.start)
+            if len(came) == 3:
+                others_came.set()
+        assert came[-1] == 0
+        computed.clear()
+        run = functools.partial(run_all, *asked)
+        how = {"journal": Journal(tmp_path), "scheduler": client}
+        found = run(**how, progress=lambda *counts: told.append(counts))
+        np.testing.assert_array_equal(found["twice"], 2 * values)
+        assert told == [(2, 8), (4, 8), (6, 8), (8, 8)] and Doubled.opened == 1
+        assert len(computed) == 4 and len(list(tmp_path.iterdir())) == 4
+        np.testing.assert_array_equal(run(**how)["twice"], 2 * values)
+        # Nor does it depend on who computed a chunk whether it is known.
+        next(tmp_path.iterdir()).unlink()
+        np.testing.assert_array_equal(run(journal=Journal(tmp_path))["twice"], 2 * values)
+        assert len(computed) == 5
+
+        def stop(*_):
+            raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            run(scheduler=client, progress=stop)
+        assert not [one for one in client.futures.values() if one.status == "pending"]

@@ -1,9 +1,14 @@
 """Periodic orbits over a grid: each cell as if it were alone, failures with their reasons."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.batch.cluster import local_workers
 from jaxcrusher.batch.engines import in_turn
 from jaxcrusher.dynamics import many_orbits as orbits
 from jaxcrusher.dynamics.orbit_map import orbit_map
@@ -136,6 +141,41 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
     assert len(solved) == count
     with pytest.raises(ValueError, match=r"of period 1 \(now 2\)"):
         orbit_map(**asked, store=tmp_path / "map", engine=engine, period=2)
+
+
+def print_what_differs_on_two_workers():
+    """Print names of maps of orbits and of basins that have other bits on a cluster."""
+    axes = {"speed": np.linspace(27.0, 40.0, 9), "clearance": [0.05e-3, 0.12e-3]}
+    few = {"speed": [27.0, 30.0]}, {"starts": 4, "turns": 100, "spread": 0.02}
+    with local_workers("2") as client:
+        for make, over, how in ((orbit_map, axes, {"slopes": SLOPES}), (jc.basin_map, *few)):
+            here, there = (make(PAPER, over, **how, scheduler=one) for one in (None, client))
+            for name in here:
+                one, other = here[name].values, there[name].values
+                words = one.dtype.kind == "O"
+                if not ((one == other).all() if words else one.tobytes() == other.tobytes()):
+                    print(name)
+
+
+@pytest.mark.slow
+def test_maps_on_two_workers_have_the_same_bits():
+    """In a process that compiles as its workers do."""
+    pytest.importorskip("distributed")
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "import jaxcrusher; jaxcrusher.set_up(); import test_orbit_map; "
+            "test_orbit_map.print_what_differs_on_two_workers()",
+        ],
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        timeout=900,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""
 
 
 def _with_law(gap):

@@ -61,18 +61,25 @@ QUIET = SMALL | {"scene": EXAMPLE, "speed": ("25", "37.5rad/s"), "cells": (6, 4)
 def resumed(tmp_path_factory):
     """A search that was interrupted after its maps, and then ended; what each run computed."""
     options = Options(out=tmp_path_factory.mktemp("results"), name="small", **QUIET)
-    folder, computed, kept = options.out / "small", [], Journal.kept
+    folder, computed = options.out / "small", []
+    asked, place, keep = {}, Journal.place, Journal.keep
 
-    def counted(journal, function, inputs, compute):
-        asked = function, *(np.asarray(one).tobytes() for one in inputs)
-        return kept(journal, function, inputs, lambda: (computed.append(asked), compute())[1])
+    def placed(journal, function, inputs):
+        path = place(journal, function, inputs)
+        asked[path] = function, path.name
+        return path
+
+    def counted(journal, path, arrays):
+        computed.append(asked[path])
+        keep(journal, path, arrays)
 
     def interrupt(*_):
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(decay, "TURNS", 48)
-        patch.setattr(Journal, "kept", counted)
+        patch.setattr(Journal, "place", placed)
+        patch.setattr(Journal, "keep", counted)
         with patch.context() as stopped:
             stopped.setattr(local, "descend", interrupt)
             with pytest.raises(KeyboardInterrupt):
@@ -1215,3 +1222,22 @@ def test_keys_of_a_journal_hold_values():
     case, again = (resolve(Options()) for _ in range(2))
     wide = replace(case, chamber=replace(case.chamber, height=jnp.asarray(0.7)))
     assert text_of(case) == text_of(again) != text_of(wide)
+
+
+@pytest.mark.slow
+def test_a_search_on_two_workers_finds_the_same(tmp_path):
+    """Map, landscape and motions are of several chunks. This process compiles as no worker does."""
+    pytest.importorskip("distributed")
+    asked = QUIET | {"cells": (9, 5), "grid": (9, 8), "out": tmp_path}
+    here, there = (
+        run(Options(name=str(one), scheduler=one, **asked), Console(quiet=True))
+        for one in (None, "2")
+    )
+    assert there.optimum.values == here.optimum.values
+    assert there.optimum.objective == pytest.approx(here.optimum.objective, rel=1e-9)
+    for name in ("orbits.nc", "landscape.nc"):
+        with (
+            xr.open_dataset(tmp_path / "None" / name) as one,
+            xr.open_dataset(tmp_path / "2" / name) as two,
+        ):
+            xr.testing.assert_allclose(one[["objective"]], two[["objective"]], rtol=1e-9)
