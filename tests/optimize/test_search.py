@@ -38,7 +38,7 @@ from optimize.search import descents as local
 from optimize.search import orbits as periodic
 from optimize.search.bound import Points, _at_most, _motion, optimality_bound, refined, unbounded
 from optimize.search.cells import ROUGHER, Cells, beside
-from optimize.search.evaluate import Window, evaluate, judged
+from optimize.search.evaluate import NOWHERE, Window, evaluate, judged
 from optimize.search.front import nondominated
 from optimize.tell import checks as verdicts
 from optimize.tell import words as formatting
@@ -818,6 +818,23 @@ def test_numbers_of_a_design_are_of_one_orbit(monkeypatch):
     assert asked == [1, 1, 3]
 
 
+def test_the_best_points_stay_where_descents_find_no_orbit(monkeypatch):
+    """Neighbours on the map lead to orbits that the pin at rest, where descents begin, does not."""
+    nothing = np.full((4, 3), np.nan), np.full((4, 3, 2), np.nan)
+
+    def solve(problem, units):
+        rows = dict.fromkeys(("stable", "undecided", "inside_model"), np.zeros(len(units), bool))
+        return rows | {
+            name: one[: len(units)]
+            for name, one in zip(("numbers", "slopes"), nothing, strict=True)
+        }
+
+    monkeypatch.setattr(periodic, "solve", solve)
+    starts = np.random.default_rng(0).uniform(size=(4, 2))
+    found, ends = stages._by_gradients(resolve(Options(**SMALL)), starts, NOWHERE)
+    assert (ends == starts[:1]).all() and all(np.isnan(one.last) for one in found)
+
+
 def test_bounds_of_cells_hold_what_a_function_hides():
     """A paraboloid between the points of a coarse grid: below every point, and above the bound."""
     sizes = np.array([0.2, 0.25])
@@ -1242,8 +1259,9 @@ def test_what_is_not_known_to_be_stable_is_not_unstable(monkeypatch, undecided):
     known = dict(found=True, objective=2.0, stable=False, undecided=undecided)
     one = SimpleNamespace(orbit=SimpleNamespace(**known))
     assert formatting.turns(one) == ("unknown" if undecided else "never")
-    said = dict(undecided=undecided, failure="", largest_multiplier=1.0, multipliers_error=0.1)
-    for words in (formatting.orbit(one), _motion(said)):
+    said = {"undecided": [undecided], "failure": [""]}
+    said |= {"largest_multiplier": [1.0], "multipliers_error": [0.1]}
+    for words in (formatting.orbit(one), _motion(said, 0)):
         assert ("not known to be stable" in words) == undecided
         assert ("unstable" in words) == (not undecided)
 
