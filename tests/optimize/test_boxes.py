@@ -92,7 +92,7 @@ def test_a_box_without_an_orbit(tmp_path, monkeypatch):
     monkeypatch.setattr(
         stages,
         "_by_fits",
-        lambda problem, starts, work: [
+        lambda problem, starts, *_: [
             Descent(starts[:1], 1.0, 1.0, np.full(starts.shape[1], np.nan), 1)
         ],
     )

@@ -122,6 +122,15 @@ def test_the_floor_of_the_capacity_takes_its_part_of_the_slopes():
 
 
 @pytest.mark.usefixtures("_by_hand")
+def test_what_has_no_slopes_is_held_by_nothing_that_is_known():
+    """SciPy refuses to balance what is no number, of the objective or of the capacity."""
+    for slope, of_capacity in ((np.nan, 1.0), (3.0, np.nan)):
+        best = an_optimum(1.0, 2.0, {"a": 6.0, "b": slope}, 8.0)
+        limits, left = active_constraints(a_problem(8.0, (2.0, of_capacity)), best)
+        assert not limits and np.isnan([left["a"], left["b"]]).all()
+
+
+@pytest.mark.usefixtures("_by_hand")
 def test_a_limit_and_the_floor_hold_together():
     """With b at its lowest value only a tells the floor's multiplier."""
     best = an_optimum(1.0, 0.0, {"a": 6.0, "b": 5.0}, 8.0)

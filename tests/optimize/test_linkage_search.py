@@ -39,9 +39,8 @@ def shaking(speed: float, centre: float = 0.025) -> float:
 
 def test_what_is_free_is_named_by_the_file():
     problem = resolve(PUMP)
-    assert (
-        problem.objective.name == "shaking_rms" and problem.compared_with == "scene file's choice"
-    )
+    assert problem.objective.name == "shaking_rms"
+    assert problem.compared_with == "scene file's choice"
     assert problem.reference == pytest.approx({"joints.B.clearance": 5e-5, "speed": 30 * np.pi})
     assert problem.units == {"joints.B.clearance": "mm", "speed": "rpm"} | problem.units
     assert problem.chamber is None and problem.forces == ("shaking_rms",)

@@ -1158,6 +1158,8 @@ THREE = tuple((name, "1", "2 kg") for name in ("shaft.mass", "jaw.mass", "toggle
         ({"capacity_floor": -1.0}, "capacity_floor"),
         ({"design": (("speed", "30", "25 rad/s"),)}, "speed"),
         ({"runs": 1}, "runs"),
+        ({"starts": 1}, "starts"),
+        ({"seconds": math.inf}, "seconds"),
         ({"design": (("sped", "30", "25 rad/s"),)}, "sped"),
         ({"design": (("fluctuation_order", "1", "3"),)}, "design"),
         ({"design": (("chamber.discharge", "30", "40 mm"),)}, "design"),
