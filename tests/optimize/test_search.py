@@ -7,6 +7,7 @@ import math
 import re
 from dataclasses import fields, replace
 from pathlib import Path
+from threading import Event
 from types import SimpleNamespace
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -31,7 +32,7 @@ from optimize.ask.limits import Limit
 from optimize.ask.objectives import OBJECTIVES, OF_SUPPORTS, plain
 from optimize.ask.options import Options
 from optimize.ask.resolve import resolve
-from optimize.design_search import design_search
+from optimize.design_search import _for_seconds, design_search
 from optimize.run import search
 from optimize.search import bound, confirm, landscape, stages
 from optimize.search import descents as local
@@ -61,18 +62,26 @@ QUIET = SMALL | {"scene": EXAMPLE, "speed": ("25", "37.5rad/s"), "cells": (6, 4)
 def resumed(tmp_path_factory):
     """A search without time, interrupted after its maps, then ended; what each run computed."""
     options = Options(out=tmp_path_factory.mktemp("results"), name="small", **QUIET)
-    folder, computed, kept = options.folder, [], Journal.kept
+    folder, computed, alarms, kept = options.folder, [], [], Journal.kept
 
     def counted(journal, function, inputs, compute):
         asked = function, *(np.asarray(one).tobytes() for one in inputs)
-        return kept(journal, function, inputs, lambda: (computed.append(asked), compute())[1])
+        found = kept(journal, function, inputs, lambda: (computed.append(asked), compute())[1])
+        for ring in alarms:
+            ring()
+        return found
+
+    def timer(_, ring):
+        """Ring when a chunk is kept: how many there are in a time differs by machine."""
+        return SimpleNamespace(start=lambda: alarms.append(ring), cancel=alarms.clear)
 
     def interrupt(*_):
         raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Journal, "kept", counted)
-        with pytest.raises(SystemExit) as ended:
+        with patch.context() as timed, pytest.raises(SystemExit) as ended:
+            timed.setattr("optimize.design_search.Timer", timer)
             search(replace(options, seconds=0.01))
         hurried = SimpleNamespace(
             code=ended.value.code,
@@ -1279,6 +1288,8 @@ def test_folder_that_cannot_be_written(tmp_path, capfd):
 
 def test_a_search_without_time_says_what_is_missing(resumed):
     """Its program fails; the same command without --seconds goes on from its chunks."""
+    with _for_seconds(0.01, stop := Event()):
+        assert stop.wait(10)
     hurried, result = resumed.hurried, json.loads(resumed.hurried.result)
     missing = "maps, descents, long runs, bound, active constraints, fronts, checks are missing"
     assert result["status"] == f"stopped after 0.01 s: {missing}" and hurried.code == 1
