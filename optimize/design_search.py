@@ -64,7 +64,7 @@ def _answered(
                     left = ", ".join([*[*STAGES][i:], "checks"])
                     answer = replace(answer, status=f"interrupted: {left} are missing")
                     answer = stage(answer, work)
-            answer = judge(answer)
+            answer = judge(replace(answer, status="interrupted: checks are missing"))
             from optimize.tell import figures  # imported while programs were compiled
 
             drawn, omitted = figures.draw_all(folder, answer)

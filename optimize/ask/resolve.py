@@ -222,7 +222,8 @@ def _check_numbers(options: Options) -> None:
     if options.within is not None:
         require(options.within > 0, "within", "be > 0", options.within)
     if options.seconds is not None:
-        require(options.seconds > 0, "seconds", "be > 0", options.seconds)
+        finite = 0 < options.seconds < math.inf
+        require(finite, "seconds", "be finite and > 0", options.seconds)
     if options.friction is not None:
         require_within("friction", options.friction, 0, 10)
     if options.capacity_floor is not None:

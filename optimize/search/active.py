@@ -35,6 +35,8 @@ def active_constraints(
     if standing:
         # The multipliers that leave the free slopes nearest to zero, none of them negative.
         normals = np.stack([normal for _, _, normal, _ in standing], axis=1)
+        if not np.isfinite(np.column_stack([normals, slopes])).all():  # nothing can be balanced
+            return (), dict.fromkeys(names, float("nan"))
         sizes = np.linalg.norm(normals[free], axis=0)
         sizes = np.where(sizes > 0, sizes, np.inf)
         multipliers = np.zeros(len(standing))

@@ -221,6 +221,7 @@ def descend_by_fits(
     pairs: int = 12,
     rounds: int = 12,
     seed: int = 0,
+    progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> list[Descent]:
     """Trust regions in lock-step, of an objective without a usable derivative, down to its noise.
 
@@ -228,7 +229,7 @@ def descend_by_fits(
     both runs of a pair from one random start; takes the step that lowers a plane most inside its
     box; and keeps it if the mean over as many common random starts falls by more than two standard
     errors of the paired difference. Otherwise the box is halved. All centres of a round are asked
-    for together.
+    for together. `progress` is told how many have ended, of all.
 
     `objective` maps points (m, n) and starts' numbers (m,) to values (m,); one that fails is NaN.
 
@@ -248,6 +249,7 @@ def descend_by_fits(
         offsets = rng.uniform(-1, 1, (pairs, centres.shape[1]))
         numbers = rng.integers(2**31, size=pairs)
         going = np.flatnonzero((radii >= LAST_RADIUS) & np.isfinite(here).all(axis=1))
+        progress(len(centres) - len(going), len(centres))
         if not len(going):
             break
         trials = _downhill(objective, centres[going], radii[going], offsets, numbers)

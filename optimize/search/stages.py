@@ -75,6 +75,7 @@ class Work:
             if self.stop.is_set():
                 raise Stopped
 
+        progress(0, total)
         yield Tracking(progress, self.journal, self.scheduler)
         self.bars.update(bar, completed=total)
         self.seconds[name] = time.perf_counter() - began
@@ -199,7 +200,7 @@ def refine(answer: Answer, work: Work) -> Answer:
     starts = np.concatenate([best, rng.uniform(size=(starts_at, best.shape[1]))])
     with work.stage("refinement", len(starts)) as tracking:
         if by == "fits":
-            found = _by_fits(problem, starts, work)
+            found = _by_fits(problem, starts, work, tracking)
             ends = np.concatenate([best, [one.path[-1] for one in found]])
         else:
             found, ends = _by_gradients(problem, starts, tracking)
@@ -233,7 +234,9 @@ def _by_gradients(
     if not problem.constrained:
         progress = tracking.progress
         found = descents.descend_together(function, starts, upper, effort.steps, progress)
-        starts = np.stack([one.path[-1] for one in descents.apart(found)[: effort.refine]])
+        ends = [one.path[-1] for one in descents.apart(found)]
+        # Where only neighbours of the map lead to orbits, descents find none: the best points stay.
+        starts = np.array(ends or [*starts])[: effort.refine]
     polished = []
     for start in starts:
         polished.append(descents.descend(function, start, upper, effort.steps, spares))
@@ -241,7 +244,7 @@ def _by_gradients(
     return polished + found, np.stack([one.path[-1] for one in polished])
 
 
-def _by_fits(problem: Problem, starts: np.ndarray, work: Work) -> list[Descent]:
+def _by_fits(problem: Problem, starts: np.ndarray, work: Work, tracking: Tracking) -> list[Descent]:
     """Descend by fits to runs from random starts, in lock-step."""
     steps = []
 
@@ -253,7 +256,9 @@ def _by_fits(problem: Problem, starts: np.ndarray, work: Work) -> list[Descent]:
         steps.append(rows["steps"].sum())
         return judged(rows)
 
-    found = descents.descend_by_fits(objective, starts, seed=problem.effort.seed)
+    found = descents.descend_by_fits(
+        objective, starts, seed=problem.effort.seed, progress=tracking.progress
+    )
     work.steps["refinement"] = int(np.sum(steps))
     return found
 

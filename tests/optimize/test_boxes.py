@@ -10,7 +10,9 @@ from rich.console import Console
 from optimize.ask import constraints as counts
 from optimize.ask.options import Options
 from optimize.ask.resolve import resolve
+from optimize.design_search import design_search
 from optimize.search import confirm, orbits, stages
+from optimize.search.descents import Descent
 from optimize.tell import figures
 from optimize.tell import words as formatting
 
@@ -22,10 +24,10 @@ SMALL = dict(design=NARROW, cells=(4, 3), grid=(2, 2), settle=1, turns=2, steps=
 def searched(tmp_path, monkeypatch, **options):
     """The answer, its page, and what the search printed into a file."""
     # What random starts come to takes a minute, and has tests of its own.
-    monkeypatch.setattr(stages, "with_coexisting_orbits", lambda *given: given[-1])
+    monkeypatch.setattr(orbits, "coexisting", lambda *_: ())
     written = io.StringIO()
     console = Console(file=written, width=200)
-    answer = run(Options(out=tmp_path, name="box", **SMALL, **options), console)
+    answer = design_search(Options(out=tmp_path, name="box", **SMALL, **options), console)
     folder = tmp_path / "box"
     assert json.loads((folder / "result.json").read_text())["status"] == "finished"
     return answer, (folder / "report.html").read_text(), written.getvalue()
@@ -38,15 +40,15 @@ def test_losses_are_counted_by_their_reason():
     rows["success"][0, 0] = rows["success"][:, 1] = 0
     rows["whirl"][1, 2] = 1
     rows["objective"][0, 3] = np.nan
-    case = resolve(Options(capacity_floor=6.0))
-    assert counts.losses(case, rows, np.array([7.0, 7.0, 7.0, 5.0]), "designs") == (
+    problem = resolve(Options(capacity_floor=6.0))
+    assert counts.losses(problem, rows, np.array([7.0, 7.0, 7.0, 5.0]), "designs") == (
         "of 4 designs 2 failed to integrate, 1 come to a friction whirl, "
         "1 have no number of the objective, 1 are below the capacity of 6 m3/h (the highest is 7 "
         "m3/h)"
     )
 
 
-def nothing_counts(case, found, capacity):
+def nothing_counts(problem, found, capacity):
     return np.zeros(np.shape(found["success"]), bool)
 
 
@@ -57,8 +59,8 @@ def test_a_box_without_a_design(tmp_path, monkeypatch):
     monkeypatch.setattr(
         orbits,
         "solve",
-        lambda case, units, *rest, **more: (
-            solved(case, units, *rest, **more) | {"counts": np.zeros(len(units), bool)}
+        lambda problem, units, *rest, **more: (
+            solved(problem, units, *rest, **more) | {"counts": np.zeros(len(units), bool)}
         ),
     )
     answer, page, written = searched(tmp_path, monkeypatch)
@@ -80,20 +82,19 @@ def test_a_box_without_a_design(tmp_path, monkeypatch):
 def test_a_box_without_an_orbit(tmp_path, monkeypatch):
     solved = orbits.solve
 
-    def fails(case, units, *rest, **more):
-        rows = solved(case, units, *rest, **more)
+    def fails(problem, units, *rest, **more):
+        rows = solved(problem, units, *rest, **more)
         none = {"objective": np.nan, "settling_turns": np.nan, "stable": False, "counts": False}
         return rows | {name: np.full(len(units), value) for name, value in none.items()}
 
     monkeypatch.setattr(orbits, "solve", fails)
-    monkeypatch.setattr(orbits, "orbit_of", lambda case, unit: None)
+    monkeypatch.setattr(orbits, "orbit_of", lambda problem, unit: None)
     monkeypatch.setattr(
         stages,
         "_by_fits",
-        lambda problem, start, work: (
-            start,
-            stages.Refinement("fits", problem.design.values(start[None]), 1.0, 1.0, 1, {}),
-        ),
+        lambda problem, starts, *_: [
+            Descent(starts[:1], 1.0, 1.0, np.full(starts.shape[1], np.nan), 1)
+        ],
     )
     answer, page, _ = searched(tmp_path, monkeypatch)
     assert answer.maps.stable_orbits == 0 and answer.optimum is not None

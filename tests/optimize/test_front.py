@@ -3,17 +3,18 @@
 from types import SimpleNamespace
 from typing import Any, cast
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
-from optimize.search.pareto import nondominated
 
 from optimize.ask.options import Options
 from optimize.ask.problem import Problem
 from optimize.ask.resolve import resolve
-from optimize.search import smooth
+from optimize.search import active, orbits
 from optimize.search.active import active_constraints
-from optimize.search.descents import descend
-from optimize.search.front import front
+from optimize.search.descents import above, descend
+from optimize.search.front import front, nondominated
 from optimize.tell.checks import _slopes, _stationary
 
 UPPER = np.ones(2)
@@ -70,21 +71,30 @@ def test_the_end_of_a_front_is_least_in_what_the_other_does_not_depend_on():
 
 def test_a_descent_stops_at_its_floor():
     """x + y >= 1 holds the bowl about (0.2, 0.4) at (0.4, 0.6), with a multiplier of 0.4."""
-    floor = smooth.above(lambda x: (float(x.sum()), np.ones(2)), 1.0)
+    floor = above(lambda x: (float(x.sum()), np.ones(2)), 1.0)
     found = descend(bowl(0.2, 0.4), np.array([0.9, 0.9]), UPPER, 60, (floor,))
     np.testing.assert_allclose(found.path[-1], [0.4, 0.6], atol=1e-7)
     np.testing.assert_allclose(found.gradient, 0.4, atol=1e-6)
 
 
-def a_case(floor: float, slope: tuple[float, float]) -> Problem:
+def a_problem(floor: float, slope: tuple[float, float]) -> Problem:
     """Two numbers in boxes 2 and 5 wide, and links that decide the capacity."""
     names, bounds = ("a", "b"), {"a": (0.0, 2.0), "b": (0.0, 5.0)}
     design = SimpleNamespace(
         names=names, bounds=bounds, unit=lambda values: np.array([values["a"] / 2, values["b"] / 5])
     )
     known = dict(design=design, upper=np.ones(2), links_free=True, capacity_floor=floor, limits=())
-    by_unit = np.array(slope) * (2.0, 5.0)
-    return cast(Any, SimpleNamespace(**known, capacity_slope=lambda unit: by_unit))
+    return cast(Any, SimpleNamespace(**known, slope=np.array(slope)))
+
+
+@pytest.fixture
+def _by_hand(monkeypatch):
+    """A capacity with the slopes that a problem gives, in place of solved orbits."""
+
+    def told(problem, unit):
+        return {"capacity": (8.0, problem.slope * (2.0, 5.0))}
+
+    monkeypatch.setattr(active, "values_and_slopes", told)
 
 
 def an_optimum(a: float, b: float, slopes: dict[str, float], capacity: float) -> Any:
@@ -94,26 +104,37 @@ def an_optimum(a: float, b: float, slopes: dict[str, float], capacity: float) ->
     )
 
 
+@pytest.mark.usefixtures("_by_hand")
 def test_the_floor_of_the_capacity_takes_its_part_of_the_slopes():
     """Slopes of 6 and 3 along a capacity that rises by 2 and 1: held by 3 a unit of it."""
     best = an_optimum(1.0, 2.0, {"a": 6.0, "b": 3.0}, 8.0)
-    limits, left = active_constraints(a_case(8.0, (2.0, 1.0)), best)
+    limits, left = active_constraints(a_problem(8.0, (2.0, 1.0)), best)
     (one,) = limits
     # But for rounding.
     assert one.parameter == "capacity" and one.multiplier == pytest.approx(3.0, rel=1e-14)
     assert left == pytest.approx({"a": 0.0, "b": 0.0}, abs=1e-14)
     # Above its floor the capacity holds nothing.
-    limits, left = active_constraints(a_case(7.0, (2.0, 1.0)), best)
+    limits, left = active_constraints(a_problem(7.0, (2.0, 1.0)), best)
     assert not limits and left == {"a": 6.0, "b": 3.0}
     # Nor can it hold what falls with it.
-    limits, left = active_constraints(a_case(8.0, (-2.0, -1.0)), best)
+    limits, left = active_constraints(a_problem(8.0, (-2.0, -1.0)), best)
     assert limits[0].multiplier == 0 and left == {"a": 6.0, "b": 3.0}
 
 
+@pytest.mark.usefixtures("_by_hand")
+def test_what_has_no_slopes_is_held_by_nothing_that_is_known():
+    """SciPy refuses to balance what is no number, of the objective or of the capacity."""
+    for slope, of_capacity in ((np.nan, 1.0), (3.0, np.nan)):
+        best = an_optimum(1.0, 2.0, {"a": 6.0, "b": slope}, 8.0)
+        limits, left = active_constraints(a_problem(8.0, (2.0, of_capacity)), best)
+        assert not limits and np.isnan([left["a"], left["b"]]).all()
+
+
+@pytest.mark.usefixtures("_by_hand")
 def test_a_limit_and_the_floor_hold_together():
     """With b at its lowest value only a tells the floor's multiplier."""
     best = an_optimum(1.0, 0.0, {"a": 6.0, "b": 5.0}, 8.0)
-    limits, left = active_constraints(a_case(8.0, (2.0, 1.0)), best)
+    limits, left = active_constraints(a_problem(8.0, (2.0, 1.0)), best)
     assert [(one.parameter, one.multiplier) for one in limits] == [("capacity", 3.0), ("b", 2.0)]
     assert left == {"a": 0.0}
 
@@ -123,20 +144,20 @@ def test_slopes_that_vanish_are_judged_by_the_objective(apart, good):
     """0.1 N over a box of 1 wide is 1e-5 of the objective, and far more than the slope."""
     orbit = SimpleNamespace(slopes={"a": 1e-9}, slopes_apart={"a": apart})
     best = SimpleNamespace(settles=True, orbit=orbit, objective=1e4)
-    case = SimpleNamespace(design=SimpleNamespace(bounds={"a": (0.0, 1.0)}))
-    (check,) = _slopes(cast(Any, best), cast(Any, case))
+    problem = SimpleNamespace(design=SimpleNamespace(bounds={"a": (0.0, 1.0)}))
+    (check,) = _slopes(cast(Any, best), cast(Any, problem))
     assert check.passed == good
     # A motion that comes to no orbit has none that a check could be of.
-    assert _slopes(cast(Any, SimpleNamespace(settles=False, orbit=orbit)), cast(Any, case)) == ()
+    assert _slopes(cast(Any, SimpleNamespace(settles=False, orbit=orbit)), cast(Any, problem)) == ()
 
 
 def test_slopes_that_nobody_knows_are_told_in_words():
     orbit = SimpleNamespace(slopes={"a": np.nan}, slopes_apart={"a": np.nan})
     best = SimpleNamespace(settles=True, orbit=orbit, objective=1e4)
-    case = SimpleNamespace(design=SimpleNamespace(bounds={"a": (0.0, 1.0)}))
-    answer: Any = SimpleNamespace(free_slopes={"a": np.nan}, active=())
-    of_answer = _stationary(answer, cast(Any, best), cast(Any, case))
-    for found in (*_slopes(cast(Any, best), cast(Any, case)), of_answer):
+    problem = SimpleNamespace(design=SimpleNamespace(bounds={"a": (0.0, 1.0)}))
+    answer: Any = SimpleNamespace(problem=problem, free_slopes={"a": np.nan}, active=())
+    of_answer = _stationary(answer, cast(Any, best))
+    for found in (*_slopes(cast(Any, best), cast(Any, problem)), of_answer):
         assert not found.passed and "slopes are not known" in found.detail
 
 
@@ -144,14 +165,20 @@ def test_volume_is_that_of_the_links_of_each_design():
     """A power of 1 W over what the chamber of a design crushes, not over the paper's."""
     stroke = ("shaft.eccentricity", "8", "16 mm")
     options = Options(objective="wear", design=(("speed", "25", "40 rad/s"), stroke))
-    case = resolve(options)
+    problem = resolve(options)
     unit = np.array([0.3, 0.9])
-    described = case.design.description(unit)
-    found, chamber = cast(Any, {"sliding_power": 1.0}), case.chamber_of(described)
-    value = case.objective.formula(found, case.design.scene(unit), chamber)
-    assert float(value) == pytest.approx(3600 / float(case.capacity(unit)), rel=1e-14)
-    assert float(case.capacity(unit)) < 0.99 * float(case.chamber.capacity(29.5))
+    described = problem.design.description(unit)
+    found, chamber = cast(Any, {"sliding_power": 1.0}), problem.chamber_of(described)
+    value = problem.objective.formula(found, problem.design.scene(unit), chamber)
+    assert float(value) == pytest.approx(3600 / float(problem.capacity(unit)), rel=1e-14)
+    assert float(problem.capacity(unit)) < 0.99 * float(problem.chamber.capacity(29.5))
     beside = 1e-4 * np.eye(2)
-    differences = (case.capacity(unit + beside) - case.capacity(unit - beside)) / 2e-4
+    differences = (problem.capacity(unit + beside) - problem.capacity(unit - beside)) / 2e-4
     # Their truncation is 1e-8 of a third derivative of the size of the first.
-    np.testing.assert_allclose(case.capacity_slope(unit), differences, rtol=1e-6)
+    number: Any = orbits._number  # which looks at no orbit for it
+
+    def capacity(unit):
+        return number(None, problem.design.scene(unit), unit, None, problem, "capacity")
+
+    slopes = jax.grad(capacity)(jnp.asarray(unit))
+    np.testing.assert_allclose(slopes, differences, rtol=1e-6)

@@ -10,9 +10,8 @@ import jaxcrusher as jc
 from optimize.ask.limits import OF_ORBIT, OF_RUN, Limit, read_limits
 from optimize.ask.options import Options
 from optimize.ask.resolve import resolve
-from optimize.search import orbits, smooth
+from optimize.search import descents, orbits
 from optimize.search.active import active_constraints
-from optimize.search.descents import descend
 
 BLOCK = {"foundation.mass": 6000.0, "foundation.x": 0.3, "foundation.y": 0.2}
 
@@ -61,12 +60,12 @@ def test_a_number_that_is_none_keeps_no_limit():
 
 def test_the_objective_of_an_orbit_knows_scene_and_chamber():
     """An energy over the capacity of the chamber at the scene's speed, J/m3."""
-    case = resolve(Options(objective="energy"))
+    problem = resolve(Options(objective="energy"))
     unit = np.full(2, 0.5)
-    scene = case.design.scene(unit)
+    scene = problem.design.scene(unit)
     orbit = jc.periodic_orbit(scene)
-    found = orbits._objective(orbit, scene, unit, None, case)
-    capacity = case.chamber_of(case.design.description(unit)).capacity(scene.drive.speed)
+    found = orbits._number(orbit, scene, unit, None, problem, "objective")
+    capacity = problem.chamber_of(problem.design.description(unit)).capacity(scene.drive.speed)
     assert float(found) == pytest.approx(3600 * float(orbit.drive_power) / float(capacity))
 
 
@@ -79,33 +78,34 @@ def test_multiplier_of_a_limit_is_what_its_last_newton_costs():
     """
     limit, step = 1400.0, 5.0
     free = (("counterweight.mass", "0", "50 kg"), ("counterweight.angle", "120 deg", "240 deg"))
-    case = resolve(Options(design=free, limit=(("shaking_rms", f"{limit!r} N"),)))
-    of_limit = smooth.negative(smooth.limited(case, case.limits[0]))
+    problem = resolve(Options(design=free, limit=(("shaking_rms", f"{limit!r} N"),)))
+    numbers = orbits.numbers(problem)
+    of_limit = descents.negative(numbers["shaking_rms"])
     end, above, below = (
-        descend(smooth.objective(case), np.array([0.9, 0.6]), case.upper, 60, spares)
+        descents.descend(numbers["objective"], np.array([0.9, 0.6]), problem.upper, 60, spares)
         for spares in (
-            smooth.constraints(case),
-            # Other limits by the same programs, which know none.
-            (smooth.above(of_limit, -limit - step),),
-            (smooth.above(of_limit, -limit + step),),
+            orbits.spares(problem, numbers),
+            # Other limits of the same numbers.
+            (descents.above(of_limit, -limit - step),),
+            (descents.above(of_limit, -limit + step),),
         )
     )
     unit = end.path[-1]
     cost = (below.last - above.last) / (2 * step)
-    rows = orbits.solve(case, unit[None])
+    rows = orbits.solve(problem, unit[None])
     assert rows["counts"][0] and rows["shaking_rms"][0] == pytest.approx(limit, rel=OF_ORBIT)
-    slopes = dict(zip(case.design.names, rows["slope"][0], strict=True))
+    slopes = dict(zip(problem.design.names, rows["slope"][0], strict=True))
     best: Any = SimpleNamespace(
-        values=case.design.numbers(unit),
+        values=problem.design.numbers(unit),
         orbit=SimpleNamespace(slopes=slopes),
         crushing=SimpleNamespace(capacity=9.0),
     )
-    (one,), left = active_constraints(case, best)
+    (one,), left = active_constraints(problem, best)
     assert (one.parameter, one.limit) == ("shaking_rms", "highest")
     assert one.multiplier == pytest.approx(cost, rel=1e-3) and one.multiplier > 0
     # What is left of the slopes, over the box, as the descent's end leaves it.
-    rest = np.array(list(left.values())) * orbits.widths(case)
+    rest = np.array(list(left.values())) * orbits.widths(problem)
     assert np.max(np.abs(rest)) < 1e-6 * end.last
     # Beyond the limit the same design does not count.
-    beyond = orbits.solve(case, np.array([[0.2, 0.5]]))
+    beyond = orbits.solve(problem, np.array([[0.2, 0.5]]))
     assert beyond["stable"][0] and not beyond["counts"][0]

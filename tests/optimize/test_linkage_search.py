@@ -13,7 +13,8 @@ from rich.console import Console
 
 from optimize.ask.options import Options
 from optimize.ask.resolve import resolve
-from optimize.search import orbits, stages
+from optimize.design_search import design_search
+from optimize.search import orbits
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PUMP = Options(
@@ -38,14 +39,14 @@ def shaking(speed: float, centre: float = 0.025) -> float:
 
 def test_what_is_free_is_named_by_the_file():
     problem = resolve(PUMP)
-    assert problem.sought.name == "shaking_rms" and problem.compared_with == "scene file's choice"
+    assert problem.objective.name == "shaking_rms"
+    assert problem.compared_with == "scene file's choice"
     assert problem.reference == pytest.approx({"joints.B.clearance": 5e-5, "speed": 30 * np.pi})
     assert problem.units == {"joints.B.clearance": "mm", "speed": "rpm"} | problem.units
-    case = problem
-    assert case.chamber is None and case.forces == ("shaking_rms",)
-    assert case.rival.outputs == ("B_force_peak",)
-    assert np.isnan(case.capacity(np.zeros((2, 2)))).all()
-    assert case.reaches(case.capacity(np.zeros((2, 2)))).all()
+    assert problem.chamber is None and problem.forces == ("shaking_rms",)
+    assert problem.rival.outputs == ("B_force_peak",)
+    assert np.isnan(problem.capacity(np.zeros((2, 2)))).all()
+    assert problem.reaches(problem.capacity(np.zeros((2, 2)))).all()
     assert resolve(replace(PUMP, objective="B_force_peak")).rival.outputs == ("shaking_rms",)
 
 
@@ -92,7 +93,7 @@ SQUARE = Objective(
 def test_a_set_frees_what_balances_a_linkage():
     """Mass centres of bodies with two joints; joints stay where they are, and so the motion."""
     balance = resolve(replace(PUMP, design=(("balance",),)))
-    bounds = balance.case.design.bounds
+    bounds = balance.design.bounds
     assert [*bounds] == [
         f"bodies.{body}.mass_centre.{axis}" for body in ("crank", "rod") for axis in "xy"
     ]
@@ -101,9 +102,9 @@ def test_a_set_frees_what_balances_a_linkage():
     assert bounds["bodies.rod.mass_centre.y"] == pytest.approx((-0.012, 0.012))
     assert balance.reference["bodies.rod.mass_centre.y"] == 0.0
     machine = resolve(replace(PUMP, design=(("machine",),)))
-    more = {*machine.case.design.names} - {*bounds}
+    more = {*machine.design.names} - {*bounds}
     assert {"bodies.plunger.mass", "bodies.rod.inertia", "joints.B.restitution"} < more
-    assert machine.case.design.bounds["joints.B.restitution"] == pytest.approx((0.81, 0.99))
+    assert machine.design.bounds["joints.B.restitution"] == pytest.approx((0.81, 0.99))
 
 
 @pytest.mark.slow
@@ -113,7 +114,7 @@ def test_a_crank_is_balanced_by_an_objective_of_one_s_own(tmp_path, monkeypatch)
     monkeypatch.syspath_prepend(tmp_path)
     design = (("balance",), ("speed", "600", "900rpm"))
     problem = resolve(replace(PUMP, design=design, objective="own_objective:SQUARE"))
-    assert problem.sought.name == "own_objective:SQUARE" and problem.sought.unit == "N2"
+    assert problem.objective.name == "own_objective:SQUARE" and problem.objective.unit == "N2"
     assert re.fullmatch("own_objective:SQUARE [0-9a-f]{16}", problem.settings["objective"])
     made, name = problem.design, "bodies.crank.mass_centre.x"
     start = dict(problem.reference) | {"speed": 20 * np.pi}
@@ -130,12 +131,12 @@ def test_a_crank_is_balanced_by_an_objective_of_one_s_own(tmp_path, monkeypatch)
 @pytest.mark.slow
 def test_a_pump_is_searched_with_map_certificate_and_report(tmp_path, monkeypatch):
     # What random starts come to takes a minute, and has tests of its own.
-    monkeypatch.setattr(stages, "with_coexisting_orbits", lambda *given: given[-1])
+    monkeypatch.setattr(orbits, "coexisting", lambda *_: ())
     monkeypatch.setattr(sys, "argv", ["optimize.run"])  # which the report quotes
     effort = {"cells": (3, 3), "grid": (2, 2), "settle": 4, "turns": 4, "refine": 1, "runs": 2}
     written = io.StringIO()
     options = replace(PUMP, out=tmp_path, name="pump", within=40.0, **effort)
-    run(options, Console(file=written, width=200))
+    design_search(options, Console(file=written, width=200))
     result = json.loads((tmp_path / "pump" / "result.json").read_text())
     assert result["status"] == "finished"
     best, other = result["optimum"], result["reference"]

@@ -14,8 +14,10 @@ from matplotlib.text import Text
 
 from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.pictures.plots import SMALLEST, WIDTH
-from optimize.answer import Box, Front
+from optimize.answer import Front
 from optimize.ask.objectives import OBJECTIVES
+from optimize.ask.options import Options
+from optimize.ask.resolve import resolve
 from optimize.tell import figures
 
 # RMS and peak of a map of 3 x 2 points, N; the first point beats all others in everything.
@@ -49,12 +51,14 @@ def drawn(kept, tmp_path):
     """Draws a Pareto figure and keeps it."""
 
     def draw(data: xr.Dataset, fronts=(), **designs):
-        case = SimpleNamespace(
-            capacity=lambda units: units, chamber=CrushingChamber(), rival=OBJECTIVES["peak"]
+        problem = SimpleNamespace(
+            capacity=lambda units: units,
+            chamber=CrushingChamber(),
+            objective=OBJECTIVES["rms"],
+            rival=OBJECTIVES["peak"],
         )
-        sought = SimpleNamespace(unit="N", meaning="RMS of |R_O| + |R_C|")
-        answer = SimpleNamespace(designs=designs, fronts=fronts, objective=sought)
-        figures.draw_pareto(tmp_path, cast(Any, case), CAPACITY.ravel(), data, cast(Any, answer))
+        answer = SimpleNamespace(designs=designs, fronts=fronts, problem=problem)
+        figures.draw_pareto(tmp_path, cast(Any, problem), CAPACITY.ravel(), data, cast(Any, answer))
         return kept[-1]
 
     return draw
@@ -122,7 +126,7 @@ def test_descents_are_drawn_on_the_map_of_orbits_alone(shown, kept, tmp_path):
     values = {"speed": 30.0, "clearance": 5e-5}
     descent = SimpleNamespace(path={name: [value, value] for name, value in values.items()})
     answer: Any = SimpleNamespace(
-        box=SimpleNamespace(bounds={name: (v[0], v[-1]) for name, v in axes.items()}, units={}),
+        problem=resolve(Options()),
         refinement=(descent,),
         designs={"optimum": SimpleNamespace(values=values)},
     )
@@ -139,8 +143,8 @@ def test_descents_are_drawn_on_the_map_of_orbits_alone(shown, kept, tmp_path):
 
 
 def test_the_speed_at_which_the_capacity_falls_to_its_floor_is_drawn(kept, tmp_path):
-    box = Box({"speed": (25.0, 40.0)}, 6.0, None)
-    figures.draw_capacity(tmp_path, CrushingChamber(), box)
+    problem = resolve(Options(capacity_floor=6.0))
+    figures.draw_capacity(tmp_path, CrushingChamber(), problem)
     ax, speed = kept[0].axes[0], float(CrushingChamber().highest_speed(6.0))
     (line,) = (one for one in ax.lines if one.get_linestyle() == ":")
     assert line.get_xdata()[0] == speed and f"{speed:.4g} rad/s" in str(line.get_label())

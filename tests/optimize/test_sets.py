@@ -31,15 +31,15 @@ def balance():
 
 @pytest.mark.slow
 def test_slopes_of_all_nine_numbers(balance):
-    case, step = balance.case, 0.01
+    problem, step = balance, 0.01
     point = np.array([0.3, 0.6, 0.7, 0.3, 0.4, 0.6, 0.5, 0.4, 0.6])
-    first, beside = case.design.unit(balance.reference), step * np.eye(9)
-    rows = orbits.solve(case, np.concatenate([[first, point], point + beside, point - beside]))
+    first, beside = problem.design.unit(balance.reference), step * np.eye(9)
+    rows = orbits.solve(problem, np.concatenate([[first, point], point + beside, point - beside]))
     # Printed for the ideal joint by two independent programs as 19 099 N; clearance adds 0.02 %.
     assert rows["objective"][0] == pytest.approx(19_099, rel=5e-4)
     assert rows["shaking_rms"][0] == pytest.approx(4513.63, rel=1e-3)
     above, below = np.split(rows["objective"][2:], 2)
-    slope = rows["slope"][1] * orbits.widths(case)
+    slope = rows["slope"][1] * orbits.widths(problem)
     # The third derivative over a hundredth of the box leaves 1e-4 of the largest slope.
     largest = np.abs(slope).max()
     np.testing.assert_allclose(slope, (above - below) / (2 * step), rtol=0, atol=2e-4 * largest)
@@ -49,7 +49,7 @@ def test_slopes_of_all_nine_numbers(balance):
 
 def test_the_machine_has_twelve_numbers_more(balance):
     problem = resolve(Options(design=(("machine",),)))
-    few, many = balance.case.design, problem.design
+    few, many = balance.design, problem.design
     assert len(few.names) == 9 and len(many.names) == 21 and {*few.names} < {*many.names}
     point = many.unit(problem.reference)
     assert ((point > 0) & (point < 1)).all()
@@ -60,9 +60,9 @@ def test_the_machine_has_twelve_numbers_more(balance):
 def test_equal_stroke_is_equal_capacity(balance):
     """At one speed; where the speed is free, the floor is the box's corner as without links."""
     points = np.random.default_rng(0).uniform(size=(5, 9))
-    case = balance.case
-    assert np.ptp(case.capacity(points)) == 0 and not case.links_free
-    assert float(case.capacity(points)[0]) == pytest.approx(7.844, abs=5e-4)
+    problem = balance
+    assert np.ptp(problem.capacity(points)) == 0 and not problem.links_free
+    assert float(problem.capacity(points)[0]) == pytest.approx(7.844, abs=5e-4)
     refused("`capacity_floor` must be reached", ("balance",), capacity_floor=8.0)
     options = Options(design=(("balance",), ("speed", "25", "40 rad/s")))
     fast = resolve(options)
@@ -110,14 +110,14 @@ def test_a_design_knows_what_follows_from_its_numbers(balance):
         ("counterweight.moment_along", "0", "6 kg m"),
         ("counterweight.moment_across", "0", "8 kg m"),
     )
-    case = resolve(Options(design=moment))
-    one = confirm.confirmed(case, np.full(2, 0.5), rows_of_three_runs(), None)
+    problem = resolve(Options(design=moment))
+    one = confirm.confirmed(problem, np.full(2, 0.5), rows_of_three_runs(), None)
     radius = NUMBERS["counterweight.radius"].default
     assert one.follows == pytest.approx(
         {"counterweight.mass": 5 / radius, "counterweight.angle": np.arctan2(4, 3)}, rel=1e-12
     )
     # The links of a set have the throw that keeps their stroke.
-    assert balance.case.design.following == (*one.follows, "shaft.eccentricity")
+    assert balance.design.following == (*one.follows, "shaft.eccentricity")
 
 
 def test_a_stroke_that_is_kept_is_another_question(balance):
@@ -128,7 +128,7 @@ def test_a_stroke_that_is_kept_is_another_question(balance):
         for name, (low, high) in kept.design.bounds.items()
     )
     free = resolve(Options(design=lines))
-    assert free.settings["bounds"] == kept.settings["bounds"] and free.case.links_free
+    assert free.settings["bounds"] == kept.settings["bounds"] and free.links_free
     assert free.settings != kept.settings
 
 

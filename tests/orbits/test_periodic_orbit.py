@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import linregress
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.template import STATISTIC
@@ -17,6 +18,7 @@ from jaxcrusher.mechanism.reductions import AbstractMean
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.result import WAYS
+from jaxcrusher.orbits.transient import section_points
 from jaxcrusher.periodic.multipliers import UNSURE
 from jaxcrusher.scenes.parameters import PARAMETERS, numbers_of
 
@@ -98,6 +100,24 @@ def test_multipliers_against_the_section(orbit):
     # A memory of thousands of turns is known as the distance from 1: 7e-5.
     lost = 1 - np.max(np.abs(expected))
     np.testing.assert_allclose(1 - orbit.largest_multiplier, lost, rtol=1e-3)
+
+
+def test_an_oscillation_decays_as_the_largest_multiplier_says():
+    """Integrated over 480 turns from a hundredth of a clearance beside the orbit.
+
+    Logarithms of the sizes of eight parts lie on a line. A part that holds no whole number of
+    oscillations is off by at most 1 / (60 turns x 2 sin(1.04)) = 1 %, and by 0.7 % RMS. The damping
+    of the method itself is a fiftieth of the joint's.
+    """
+    orbit = jc.periodic_orbit(jc.paper_scene(25.0, 0.03e-3, restitution=0.2))
+    beside = orbit.section + jnp.array([0.01, 0.0, 0.0, 0.0])
+    run = eqx.filter_jit(section_points)
+    points, success = run((beside, orbit.scene), turns=480, rtol=1e-10)
+    apart = np.asarray(points - orbit.section[None])[:, :2].reshape(8, 60, 2)
+    turns, sizes = 60 * np.arange(8), np.sqrt(np.mean(apart**2, axis=(1, 2)))
+    line = linregress(turns, np.log(sizes))
+    error = np.hypot(line.stderr, 0.007 / np.sqrt(np.sum((turns - turns.mean()) ** 2)))
+    assert success and abs(line.slope - np.log(orbit.largest_multiplier)) < 3 * error
 
 
 def test_a_multiplier_of_one_within_its_error_is_not_stable(orbit):
