@@ -19,8 +19,8 @@ from optimize.answer import Answer
 from optimize.ask.options import Options
 from optimize.ask.problem import Problem
 from optimize.ask.resolve import resolve, tell
-from optimize.search.concurrent import Stopped
-from optimize.search.stages import STAGES, Work
+from optimize.search.stages import STAGES
+from optimize.search.work import Stopped, Work
 from optimize.tell import result_file, screen
 from optimize.tell.checks import judge
 from optimize.tell.page.document import write_page

@@ -24,8 +24,7 @@ from jaxcrusher.scenes.reader import (
     read_text,
 )
 from jaxcrusher.scenes.units import units_of
-from optimize.ask.completions import CounterweightMoment, EqualStroke
-from optimize.ask.design import GRID_DIMENSIONS, Design
+from optimize.ask.design import GRID_DIMENSIONS, CounterweightMoment, Design, EqualStroke
 from optimize.ask.limits import read_limits
 from optimize.ask.objectives import OBJECTIVES, OF_SUPPORTS, own_objective, plain
 from optimize.ask.options import Effort, Options

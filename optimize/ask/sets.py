@@ -8,7 +8,7 @@ from jaxcrusher.scenes.linkages import Drawing
 from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.parameters import key_of
 from jaxcrusher.scenes.reader import read_range, require_continuous
-from optimize.ask.completions import CounterweightMoment
+from optimize.ask.design import CounterweightMoment
 from optimize.ask.options import Options
 
 # Name -> lowest and highest value, in SI units.

@@ -1,21 +1,14 @@
 """The stages of a search: each takes the answer so far, and returns it with more of its fields."""
 
-import time
-from collections.abc import Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from importlib import import_module
-from pathlib import Path
-from threading import Event
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import xarray as xr
-from rich.progress import Progress as Bars
 
 from jaxcrusher.batch.engines import default_engine
-from jaxcrusher.files.journal import Journal
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
@@ -28,15 +21,12 @@ from optimize.search import descents, landscape, orbits
 from optimize.search.active import active_constraints
 from optimize.search.bound import MOST, Points, Refined, optimality_bound, refined, unbounded
 from optimize.search.cells import Cells
-from optimize.search.concurrent import Stopped, run_concurrently
 from optimize.search.confirm import SHIFT, Repeats, confirmed, long_runs, long_window
 from optimize.search.descents import Descent
 from optimize.search.evaluate import Tracking, Window, evaluate, judged
 from optimize.search.front import fronts
 from optimize.search.motions import cell_motions
-
-if TYPE_CHECKING:
-    import distributed
+from optimize.search.work import Work
 
 # Tolerance of the landscape and its motions, in clearances.
 MAP_RTOL = 1e-6
@@ -47,38 +37,6 @@ SCOUTS = 16
 ORDERS = 4
 # By how much less than the optimum the box may hold, as a share of it, unless another is asked.
 WITHIN = 3e-5
-
-
-@dataclass(eq=False)
-class Work:
-    """Where stages tell their progress, keep what they have computed, and book what they spend.
-
-    Stages may run concurrently. Where `stop` is set they end when they next tell their progress.
-    """
-
-    folder: Path
-    bars: Bars
-    journal: Journal
-    scheduler: "distributed.Client | None" = None
-    stop: Event = field(default_factory=Event)
-    seconds: dict[str, float] = field(default_factory=dict)
-    steps: dict[str, int] = field(default_factory=dict)
-
-    @contextmanager
-    def stage(self, name: str, total: int) -> Iterator[Tracking]:
-        """Show a bar for a stage, and book its seconds when it ends."""
-        bar = self.bars.add_task(name, total=total)
-        began = time.perf_counter()
-
-        def progress(done: int, _: int) -> None:
-            self.bars.update(bar, completed=done)
-            if self.stop.is_set():
-                raise Stopped
-
-        progress(0, total)
-        yield Tracking(progress, self.journal, self.scheduler)
-        self.bars.update(bar, completed=total)
-        self.seconds[name] = time.perf_counter() - began
 
 
 def map_box(answer: Answer, work: Work) -> Answer:
@@ -105,8 +63,7 @@ def map_box(answer: Answer, work: Work) -> Answer:
         import_module("optimize.tell.figures")  # a second, while the map of orbits is computed
         return found
 
-    mapped, (data, motions), orbit = run_concurrently(
-        work.stop,
+    mapped, (data, motions), orbit = work.at_once(
         lambda: _map_orbits(problem, work, points, contact),
         explore,
         lambda: orbits.orbit_of(problem, reference) if contact.result() else None,
@@ -284,8 +241,7 @@ def confirm(answer: Answer, work: Work) -> Answer:
 
     total = len(landscape.STARTS) * len(points) * repeats.runs
     with work.stage("confirmation", total) as tracking:
-        runs, found = run_concurrently(
-            work.stop,
+        runs, found = work.at_once(
             lambda: long_runs(problem, points, repeats, tracking),
             solved,
         )
@@ -305,8 +261,8 @@ def bound(answer: Answer, work: Work) -> Answer:
     best = answer.optimum
     if best is None or answer.reference is None:
         return answer
-    refined_map, designs = run_concurrently(
-        work.stop, lambda: _refine_map(answer, work, best), lambda: _coexisting(answer, work)
+    refined_map, designs = work.at_once(
+        lambda: _refine_map(answer, work, best), lambda: _coexisting(answer, work)
     )
     answer = replace(answer, **designs)
     # By the optimum that is reported: a worse orbit may have raised its objective.
@@ -343,8 +299,7 @@ def _coexisting(answer: Answer, work: Work) -> dict[str, Confirmed]:
     if answer.maps is None or answer.maps.orbits is None:
         return known
     with work.stage("coexisting", len(known)):
-        found = run_concurrently(
-            work.stop,
+        found = work.at_once(
             *(
                 lambda one=one: orbits.coexisting(answer.problem, one.values)
                 for one in known.values()

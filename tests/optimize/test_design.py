@@ -8,8 +8,7 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import stroke
 from jaxcrusher.scenes.build import build_linkage
-from optimize.ask.completions import CounterweightMoment, EqualStroke
-from optimize.ask.design import Design
+from optimize.ask.design import CounterweightMoment, Design, EqualStroke
 
 LINKS = {
     "toggle.length": (0.285, 0.315),
