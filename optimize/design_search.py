@@ -23,7 +23,7 @@ from optimize.tell import result_file
 from optimize.tell import screen as report
 from optimize.tell.page.document import write_page
 
-WRITTEN = ("result.json", "report.html", "orbits.nc", "landscape.nc", "*.png")
+WRITTEN = ("result.json", "report.html", "orbits.nc", "landscape.nc", "*.svg")
 # Finished chunks of a search that is not finished.
 CHUNKS = "chunks"
 
@@ -56,7 +56,7 @@ def run(options: Options, console: Console) -> Answer:
             from optimize.tell import figures  # imported while programs were compiled
 
             drawn, omitted = figures.draw_all(folder, problem.case, maps, done)
-            write_page(folder, done, maps.landscape, maps.motions, drawn, omitted)
+            write_page(folder, done, maps.orbits, drawn, omitted)
             parts |= judged
             status = "finished"
         except Exception as error:
@@ -66,7 +66,7 @@ def run(options: Options, console: Console) -> Answer:
             answer = answer_of(status)
             write_json(folder / "result.json", result_file.content(answer))
             if not answer.finished:
-                write_page(folder, answer, None if maps is None else maps.landscape, None, ())
+                write_page(folder, answer, None if maps is None else maps.orbits, ())
     journal.discard()
     report.print_answer(console, answer)
     console.print(f"results in {folder}/")

@@ -18,6 +18,7 @@ from jaxcrusher.orbits.solving import NODES
 from optimize.answer import Coexisting, Orbit
 from optimize.ask import constraints as counts
 from optimize.ask.case import Case
+from optimize.search import motions as drawn
 from optimize.search.evaluate import NOWHERE, Rows, Tracking, started
 from optimize.search.landscape import GRID_DIMENSIONS, labelled, spread
 
@@ -112,8 +113,9 @@ def solve_map(
         # The points of a sequence lie too far apart to help each other.
         near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
         rows, motions = solve(case, units, near, tracking=tracking), MOTION
+    rows |= drawn.turns(case, units, rows)
     of = case.objective
-    columns = columns_of(case.scene.statistics, case.told)
+    columns = columns_of(case.scene.statistics, case.told) | drawn.COLUMNS
     columns |= {name: COLUMNS[name] for name in (*KEPT, *VERDICTS, "failure", "found", *motions)}
     columns["objective"] = Column(of.unit, of.meaning)
     meaning = f"slope of the {of.meaning}, per unit of the parameter"

@@ -35,9 +35,8 @@ from optimize.search.decay import with_decay
 from optimize.search.evaluate import Tracking, Window, evaluate, judged
 from optimize.search.front import fronts
 from optimize.search.landscape import Maps
-from optimize.search.motions import cell_motions
 
-# Tolerances of the landscape and its motions, and of the confirmation, in clearances.
+# Tolerances of the landscape and of the confirmation, in clearances.
 MAP_RTOL, CONFIRM_RTOL = 1e-6, 1e-8
 # Confirmation runs last this many times longer than the landscape's.
 LONGER = 3
@@ -96,7 +95,7 @@ def map_box(problem: Problem, work: Work) -> tuple[Maps, Orbit | None]:
     reference = case.design.unit(problem.searched.reference)
     contact: Future[bool] = Future()  # whether any design keeps it
 
-    def explore() -> tuple[xr.Dataset, xr.Dataset]:
+    def explore() -> xr.Dataset:
         try:
             contact.set_result(_scouted(problem, work, points))
         except BaseException as error:
@@ -106,13 +105,13 @@ def map_box(problem: Problem, work: Work) -> tuple[Maps, Orbit | None]:
         import_module("optimize.tell.figures")  # a second, while the map of orbits is computed
         return found
 
-    mapped, (data, motions), orbit = run_concurrently(
+    mapped, data, orbit = run_concurrently(
         work.stop,
         lambda: _map_orbits(problem, work, points, contact),
         explore,
         lambda: orbits.orbit_of(case, reference) if contact.result() else None,
     )
-    return Maps(cells, data, motions, points, mapped, contact.result()), orbit
+    return Maps(cells, data, points, mapped, contact.result()), orbit
 
 
 def _scouted(problem: Problem, work: Work, points: np.ndarray) -> bool:
@@ -145,11 +144,8 @@ def _map_orbits(
     return data
 
 
-def _explore(problem: Problem, work: Work, cells: np.ndarray) -> tuple[xr.Dataset, xr.Dataset]:
-    """Integrate unit points from both starts, for their statistics and then for drawings.
-
-    Returns the landscape, which is also written, and its motions.
-    """
+def _explore(problem: Problem, work: Work, cells: np.ndarray) -> xr.Dataset:
+    """Integrate unit points from both starts; return the landscape, which is also written."""
     case, effort = problem.case, problem.effort
     window = Window(effort.settle, effort.turns, MAP_RTOL)
     count = len(landscape.STARTS) * len(cells)
@@ -160,9 +156,7 @@ def _explore(problem: Problem, work: Work, cells: np.ndarray) -> tuple[xr.Datase
     data.attrs = _provenance("Landscape of a design search", problem, **how)
     write_netcdf(work.folder / "landscape.nc", data)
     work.steps["landscape"] = int(data.steps.sum())
-    with work.stage("motions", data.objective.size) as tracking:
-        motions, work.steps["motions"] = cell_motions(case, cells, data, MAP_RTOL, tracking)
-    return data, motions
+    return data
 
 
 def _provenance(title: str, problem: Problem, **settings: Any) -> dict[str, Any]:

@@ -15,7 +15,7 @@ def print_answer(console: Console, answer: Answer) -> None:
 
     tell(formatting.answer(answer))
     if answer.designs:
-        console.print(tables.answer(answer).turned.printed())
+        console.print(tables.answer(answer).printed())
         tell(tables.caution(answer))
     failed = [check for check in answer.checks if not check.passed]
     count = len(answer.checks)

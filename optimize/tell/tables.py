@@ -1,7 +1,7 @@
 """The tables of the report's page: headings in words with units, and rows."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Mapping
 
 from jaxcrusher.crusher.capacity import CAUTION
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
@@ -10,10 +10,9 @@ from jaxcrusher.scenes.plausibility import borrowed
 from jaxcrusher.scenes.units import said, unit_of
 from jaxcrusher.sheets.load_sheet import MOVING, Row, joint_states
 from jaxcrusher.sheets.severity import SOURCE
-from optimize.answer import Answer, Confirmed, Runs
-from optimize.search.decay import GONE, rate, resolved
+from optimize.answer import Answer, Confirmed
 from optimize.tell import words as formatting
-from optimize.tell.forces import besides, name_of
+from optimize.tell.forces import besides, name_of, quantity
 from optimize.tell.table import Table, as_text
 from optimize.tell.words import shown
 
@@ -22,11 +21,10 @@ STAGES = {
     "orbits": "map of periodic orbits",
     "scouts": "some designs over the box",
     "landscape": "both starts over the box",
-    "motions": "motions of the cells",
     "refinement": "descents",
     "confirmation": "long runs",
     "bound": "cells halved for the bound",
-    "coexisting": "orbits of random starts, decay",
+    "coexisting": "orbits of random starts",
     "fronts": "fronts",
 }
 DESCENTS = {"gradient": "exact gradients", "fits": "fits to noisy runs"}
@@ -42,9 +40,7 @@ LIMITS = (
     f"{ELASTIC_IMPACT_SPEED:g} m/s are not elastic. Motions beyond any are marked.",
     "A friction whirl penetrates by the order of the clearance: its numbers are outside the "
     "theory and rank as nothing.",
-    "Impacting motions diverge exponentially: a motion drawn here is one of many that start "
-    "almost alike. Only their statistics can be compared.",
-    "A ± of a cell is the scatter within one run; runs can differ from each other by more.",
+    "Impacting motions diverge exponentially: only statistics of them can be compared.",
 )
 
 
@@ -58,47 +54,104 @@ def caution(found: Answer) -> str:
     return CAUTION if any(one.crushing is not None for one in found.designs.values()) else ""
 
 
+def headline(found: Answer) -> list[tuple[str, str, str]]:
+    """Return the three numbers of the optimum that matter most: meaning, value, and a remark.
+
+    They are what is free, the speed before all, what shakes the ground, and what a crusher crushes.
+    """
+    best, other = found.optimum, found.seed_choice
+    if best is None or other is None:
+        return []
+    at_end = {one.parameter: f"the {one.limit} allowed" for one in found.active}
+    free = sorted(best.values, key=lambda name: name != "speed")
+    told, where = [], found.compared_with
+
+    def add(meaning: str, one: float, of: float, words: Callable[[float], str]) -> None:
+        change = 100 * (one / of - 1) if of else math.nan
+        more = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than {words(of)}"
+        told.append((meaning, words(one), f"{more} at the {where}" if math.isfinite(change) else ""))
+
+    add("RMS shaking force", *_of_both(found, "shaking_rms"), lambda one: quantity(one, "N"))
+    if best.crushing is not None and other.crushing is not None:
+        capacities = best.crushing.capacity, other.crushing.capacity
+        add("capacity", *capacities, lambda one: f"{one:.2f} m³/h")
+    elif found.objective.name != "shaking_rms":
+        objectives, unit = (best.objective, other.objective), found.objective.unit
+        add(name_of(found.objective.meaning), *objectives, lambda one: quantity(one, unit))
+    units, room = found.box.units, 3 - len(told)
+    for name in free[:room]:
+        said_so = said(name, best.values[name], units)
+        told.insert(free.index(name), (in_words(name), said_so, at_end.get(name, "")))
+    if left := free[room:]:
+        meaning, value, remark = told[room - 1]
+        others = [f"{in_words(n)} {said(n, best.values[n], units)}" for n in left]
+        others = others if len(left) < 3 else [f"{len(left)} more numbers, in the table"]
+        ends = sum(name in at_end for name in left)
+        others += [f"{ends} at the end of what is allowed"] if ends and len(left) > 2 else []
+        others[0] += f", {at_end[left[0]]}" if len(left) == 1 and left[0] in at_end else ""
+        remark = "; ".join(filter(None, (remark, f"with {', '.join(others)}")))
+        told[room - 1] = meaning, value, remark
+    return told
+
+
+def _of_both(found: Answer, force: str) -> tuple[float, float]:
+    assert found.optimum is not None and found.seed_choice is not None
+    return found.optimum.forces[force], found.seed_choice.forces[force]
+
+
 def answer(found: Answer) -> Table:
-    """Return the designs, a row each, for the page; turned, for the screen."""
-    objective, unit = found.objective, found.objective.unit
-    rows = []
-    for title, design in found.designs.items():
-        others = besides(design.forces, objective.meaning)
-        of_ideal = others.get(next(iter(design.forces)), "RMS")
-        row: dict[str, object] = {"design": title, **_chosen(found, design.values)}
-        row |= _following(found, design) | {f"periodic orbit, {unit}": formatting.orbit(design)}
-        for start, runs in design.transient.items():
-            heading = f"{start} start after {found.settle_turns} turns, {unit}"
-            row[heading] = formatting.interval(runs)
-        row |= {f"{meaning}, N": design.forces[name] for name, meaning in others.items()}
-        row[f"ideal joints' {of_ideal}, N"] = formatting.number(design.ideal_rms)
-        row |= _crushing(found, title, design)
-        rows.append(row | {"turns to 1/e": formatting.turns(design)})
-    name = name_of(objective.meaning)
-    caption = objective.meaning if name == objective.meaning else f"{name}: {objective.meaning}"
-    return Table.of(rows, caption=f"{caption}, {unit}")
+    """Return the designs side by side: each number with its unit, and how the optimum changes it."""
+    columns = [_told(found, title, design) for title, design in found.designs.items()]
+    both = len(columns) == 2
+    rows = [
+        (*quantity, *(column[quantity][0] for column in columns), *([_change(*of)] if both else []))
+        for quantity in columns[0]
+        for of in [[column[quantity][1] for column in columns]]
+    ]
+    return Table(("", "unit", *found.designs, *(["change"] if both else [])), rows)
 
 
-def _crushing(found: Answer, title: str, design: Confirmed) -> dict[str, str]:
-    """Return the numbers of a design as a crusher, by heading; none of another linkage."""
-    if design.crushing is None:
-        return {}
-    one = design.crushing
-    return {
-        "capacity, m³/h": f"{one.capacity:.2f}",
-        **({"capacity, t/h": f"{found.throughput[title]:.2f}"} if found.throughput else {}),
-        "stroke at the discharge, mm": f"{1e3 * one.stroke:.4g}",
-        "stroke, vertical over horizontal": f"{one.stroke_ratio:.3g}",
-    }
+def _change(one: float, other: float) -> str:
+    """Return by how much the first number differs from the second one."""
+    change = 100 * (one / other - 1) if other else math.nan
+    return f"{change:+.1f} %" if math.isfinite(change) else ""
 
 
-def _following(found: Answer, design: Confirmed) -> dict[str, str]:
-    """Return the numbers of a design that follow from the free ones, by heading."""
-    units = found.box.units
-    return {
-        f"{in_words(name)} that follows, {unit_of(name, units)[0]}": _number(name, value, units)
-        for name, value in design.follows.items()
-    }
+def _told(found: Answer, title: str, design: Confirmed) -> dict[tuple[str, str], tuple[str, float]]:
+    """Return the numbers of a design as text and as numbers, by their meaning and unit."""
+    objective, units = found.objective, found.box.units
+    told: dict[tuple[str, str], tuple[str, float]] = {}
+    for name, value in design.values.items():
+        told[in_words(name), unit_of(name, units)[0]] = _number(name, value, units), value
+    for name, value in design.follows.items():
+        meaning = f"{in_words(name)} that follows"
+        told[meaning, unit_of(name, units)[0]] = _number(name, value, units), value
+    told[objective.meaning, objective.unit] = _objective(design), design.objective
+    others = besides(design.forces, objective.meaning)
+    for name, meaning in others.items():
+        told[meaning, "N"] = as_text(design.forces[name]), design.forces[name]
+    of_ideal = others.get(next(iter(design.forces)), "RMS")
+    told[f"ideal joints' {of_ideal}", "N"] = as_text(design.ideal_rms), design.ideal_rms
+    if (one := design.crushing) is not None:
+        told["capacity", "m³/h"] = f"{one.capacity:.2f}", one.capacity
+        if found.throughput:
+            tonnes = found.throughput[title]
+            told["capacity", "t/h"] = f"{tonnes:.2f}", tonnes
+        told["stroke at the discharge", "mm"] = f"{1e3 * one.stroke:.4g}", one.stroke
+        ratio = f"{one.stroke_ratio:.3g}", one.stroke_ratio
+        told["stroke, vertical over horizontal", ""] = ratio
+    return told
+
+
+def _objective(design: Confirmed) -> str:
+    """Return the objective as its orbit has it, or as the mean of the worse start's runs."""
+    if not design.counts:
+        return as_text(math.nan)
+    if design.averaged:
+        return formatting.interval(design.transient[design.worse_start])
+    if design.orbit is not None and design.orbit.objective == design.objective:
+        return formatting.orbit(design)
+    return formatting.number(design.objective)
 
 
 def load_sheet(found: Answer) -> Table | None:
@@ -219,45 +272,21 @@ def descents(found: Answer) -> Table:
 
 
 def motions(found: Answer) -> Table:
-    """Return how each design moves from each start, and how its oscillations decay."""
+    """Return how each design moves from each start."""
     rows = [
-        (f"{title}, {start} start", *_motion(runs, design))
+        (
+            f"{title}, {start} start",
+            "towards the periodic orbit, in contact"
+            if runs.settles
+            else "not known to settle; `python -m jaxcrusher regimes` names the motion",
+            formatting.turns(design),
+            formatting.interval(runs),
+        )
         for title, design in found.designs.items()
         for start, runs in design.transient.items()
     ]
-    headings = (
-        "",
-        "motion",
-        "oscillation of the pin now, clearances",
-        "its decay a turn, %",
-        "± (two standard errors)",
-        "decay a turn by the multiplier, %",
-        f"turns until it is {GONE:g} clearances",
-    )
-    return Table(headings, rows)
-
-
-def _motion(runs: Runs, design: Confirmed) -> Iterable[str]:
-    swing, orbit = runs.decay, design.orbit
-    if not runs.settles or orbit is None:
-        return ("no orbit; `python -m jaxcrusher regimes` names it", *[""] * 5)
-    by_multiplier = f"{100 * rate(orbit):.2g}"
-    if swing is None:
-        return ("towards the orbit, in contact", "", "", "", by_multiplier, "")
-    if swing.last < resolved(swing):
-        size = f"below {resolved(swing):.1g}"
-        # A coarser integration does not tell when.
-        gone = "0" if resolved(swing) <= GONE else ""
-        return ("on the orbit, in contact", size, "", "", by_multiplier, gone)
-    turns = max(0.0, math.log(swing.last / GONE) * float(orbit.solution.settling_turns))
-    return (
-        "towards the orbit, in contact",
-        f"{swing.last:.2g}",
-        f"{100 * swing.rate:.2g}",
-        f"{200 * swing.error:.1g}",
-        by_multiplier,
-        f"{float(f'{turns:.2g}'):.0f}",
-    )
+    after = f"mean after {found.settle_turns} turns, {found.objective.unit}"
+    return Table(("", "motion", "turns to 1/e", after), rows)
 
 
 def coexisting(found: Answer) -> Table | None:
@@ -270,22 +299,6 @@ def coexisting(found: Answer) -> Table | None:
     ]
     headings = ("", "random starts that come to it", "turns", f"objective, {unit}")
     return Table(headings, rows) if rows else None
-
-
-def runs(found: Answer, design: Confirmed) -> Table:
-    """Return every variable of every run of a design."""
-    first, *_ = design.transient.values()
-    rows = []
-    for name in first.by_run:
-        of, meaning = found.columns[name]
-        columns = (one.by_run[name].tolist() for one in design.transient.values())
-        rows.append(
-            (
-                meaning if of == "1" else f"{meaning}, {of}",
-                *(", ".join(map(as_text, column)) for column in columns),
-            )
-        )
-    return Table(("of each run", *(f"{start} start" for start in design.transient)), rows)
 
 
 def box(found: Answer) -> Table:
