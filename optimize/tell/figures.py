@@ -44,7 +44,7 @@ STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
 }
 # Width and height in inches of a picture beside a table, and of a map.
-NARROW, MAP = (5.2, 3.4), (6.2, 4.3)
+NARROW, MAP = (4.4, 2.7), (6.2, 4.3)
 ABOVE: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
 # The tolerance of a motion that is drawn because its design has no orbit.
 FINE = 1e-9
@@ -148,21 +148,25 @@ def draw_curve(folder: Path, answer: Answer, best: Confirmed, orbits: xr.Dataset
     x, y = shown(str(name), line[name].to_numpy(), units), line.objective.to_numpy()
     one, unit = prefixed(float(np.nanmax(np.abs(y))), sought.unit)
     fig, ax = plt.subplots(figsize=NARROW, layout="constrained")
-    ax.plot(x, y / one, "o-", color=plots.BLUE, markersize=3, label="with clearance")
+    ax.plot(x, y / one, "o-", color=plots.BLUE, linewidth=2.5, markersize=4, label="with clearance")
     if np.isfinite(ideal).any():
         ax.plot(x, ideal / one, "--", color=plots.ORANGE, label="ideal joints")
         share = "what the contact adds"
         ax.fill_between(x, ideal / one, y / one, color=plots.BLUE, alpha=0.25, lw=0, label=share)
     at = shown(str(name), best.values[str(name)], units)
     ax.plot(at, best.objective / one, **_marker("optimum"), label="optimum", clip_on=False)
-    others = [
-        f"{in_words(other)} {said(other, float(line[other]), units)}"
+    # The cell next to the optimum tells what the eye does not see.
+    near = int(np.nanargmin(np.abs(x - at)))
+    adds = y[near] - ideal[near]
+    told = [
+        f"at {in_words(other)} {said(other, float(line[other]), units)}"
         for other in best.values
         if other != name
     ]
+    told += [f"the contact adds {quantity(adds, sought.unit)} at the star"] * bool(adds == adds)
     of_unit = unit_of(str(name), units)[0]
     ax.set(
-        title=f"at {', '.join(others)}" if others else "",
+        title=", ".join(told),
         xlabel=f"{in_words(str(name))} ({of_unit})" if of_unit else in_words(str(name)),
         ylabel=f"{sought.meaning} ({unit})",
     )

@@ -80,8 +80,9 @@ def headline(found: Answer) -> list[tuple[str, str, str]]:
         add(name_of(found.objective.meaning), *objectives, lambda one: quantity(one, unit))
     units, room = found.box.units, 3 - len(told)
     for name in free[:room]:
-        said_so = said(name, best.values[name], units)
-        told.insert(free.index(name), (in_words(name), said_so, at_end.get(name, "")))
+        value, _, other_unit = said(name, best.values[name], units).rstrip(")").partition(" (")
+        remark = ", ".join(filter(None, (other_unit, at_end.get(name))))
+        told.insert(free.index(name), (in_words(name), value, remark))
     if left := free[room:]:
         meaning, value, remark = told[room - 1]
         others = [f"{in_words(n)} {said(n, best.values[n], units)}" for n in left]
@@ -114,7 +115,7 @@ def answer(found: Answer) -> Table:
 def _change(one: float, other: float) -> str:
     """Return by how much the first number differs from the second one."""
     change = 100 * (one / other - 1) if other else math.nan
-    return f"{change:+.1f} %" if math.isfinite(change) else ""
+    return f"{change:+.1f} %" if math.isfinite(change) and one != other else ""
 
 
 def _told(found: Answer, title: str, design: Confirmed) -> dict[tuple[str, str], tuple[str, float]]:
@@ -139,7 +140,7 @@ def _told(found: Answer, title: str, design: Confirmed) -> dict[tuple[str, str],
             told["capacity", "t/h"] = f"{tonnes:.2f}", tonnes
         told["stroke at the discharge", "mm"] = f"{1e3 * one.stroke:.4g}", one.stroke
         ratio = f"{one.stroke_ratio:.3g}", one.stroke_ratio
-        told["stroke, vertical over horizontal", ""] = ratio
+        told["stroke, vertical / horizontal", ""] = ratio
     return told
 
 

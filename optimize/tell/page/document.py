@@ -51,7 +51,7 @@ MOST_BYTES = 1_800_000
 # What int16 says where there is no number.
 NO_VALUE = -32768
 COLOURS = 64
-# What the map has besides numbers to choose from.
+# Columns of the map that are no number of a cell to choose from.
 UNSEEN = ("path", "force", "ideal_force", "ideal_objective", "slope")
 # Keys by which a search's options fix a crusher's numbers and choices.
 OPTIONS = ("friction", "slip", "load_law", "impact_law", "impact_velocity")
@@ -179,7 +179,7 @@ def pack(orbits: xr.Dataset, answer: Answer) -> dict:
         "variables": [
             _variable(one)
             for name, one in orbits.items()
-            if one.dtype.kind in "fb" and name not in UNSEEN
+            if one.dtype.kind == "f" and name not in UNSEEN
         ],
         "designs": [
             {
@@ -206,7 +206,6 @@ def _variable(variable: xr.DataArray) -> dict:
         "name": str(variable.name),
         "label": str(variable.attrs["long_name"]).replace("$", ""),
         "units": str(variable.attrs["units"]).removesuffix("1"),
-        "logical": values.dtype == bool,
         "packed": _base64(values.astype("<f4")),
     }
 
@@ -216,18 +215,18 @@ def _states(orbits: xr.Dataset) -> list[str]:
     names = ("success", "stable", "undecided", "counts", "inside_model")
     columns = [orbits[name].to_numpy().ravel().astype(bool) for name in names]
     failures = orbits.failure.to_numpy().ravel().tolist()
-    motions = orbits.motion.to_numpy().ravel().tolist() if "motion" in orbits else []
+    motions = orbits.motion.to_numpy().ravel() if "motion" in orbits else [""] * orbits.counts.size
     multipliers = orbits.largest_multiplier.to_numpy().ravel().tolist()
     said_so = []
     for cell, (success, stable, undecided, counts, inside) in enumerate(zip(*columns, strict=True)):
         if not success:
-            told = [f"no orbit of one turn: {failures[cell]}"]
+            told = [f"No orbit of one turn: {failures[cell]}".rstrip(".")]
         elif stable:
-            told = ["stable"]
+            told = ["Stable"]
         else:
-            grows = f"unstable: a disturbance grows {multipliers[cell]:.4g} times in a turn"
-            told = ["not known to be stable" if undecided else grows]
-        told += [f"the motion from rest is {motions[cell]}"] if motions and motions[cell] else []
+            grows = f"Unstable: a disturbance grows {multipliers[cell]:.4g} times in a turn"
+            told = ["Not known to be stable" if undecided else grows]
+        told += [f"the motion from rest is {motions[cell]}"] if motions[cell] else []
         told += ["out of the contact model"] if success and not inside else []
         told += ["outside a constraint"] if (stable or undecided) and not counts else []
         said_so.append("; ".join(told))

@@ -38,8 +38,7 @@ function number(value) {
 }
 
 function said(variable, cell) {
-  const value = variable.values[cell];
-  return variable.logical ? ["no", "yes"][value] : `${number(value)} ${variable.units}`.trim();
+  return `${number(variable.values[cell])} ${variable.units}`.trim();
 }
 
 function place(cell) {
