@@ -10,7 +10,6 @@ from jaxtyping import Array, Float, Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.files.table import Column
-from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, missing, seen_along
 from jaxcrusher.periodic.trigonometric import resample
@@ -49,7 +48,7 @@ def _turns(
     case: Case, units: Float[Array, "points n"], nodes: Float[Array, "points nodes dims"]
 ) -> dict[str, Array]:
     name = leading_force(case.scene)
-    phases = 2 * jnp.pi * jnp.arange(INSTANTS) / INSTANTS
+    phases = jnp.asarray(2 * np.pi / INSTANTS * np.arange(INSTANTS))
 
     def force(orbit: PeriodicOrbit) -> Float[Array, " instants"]:
         (size,) = seen_along(orbit, phases, ((name, orbit.scene.observables[name]),)).values()

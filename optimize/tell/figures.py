@@ -44,7 +44,7 @@ STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
 }
 # Width and height in inches of a picture beside a table, and of a map.
-NARROW, MAP = (4.4, 2.7), (6.2, 4.3)
+NARROW, MAP = (4.3, 2.7), (6.2, 4.3)
 ABOVE: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
 # The tolerance of a motion that is drawn because its design has no orbit.
 FINE = 1e-9
@@ -121,8 +121,8 @@ def write_figure(path: Path, figure: Figure) -> None:
     plt.close(figure)
     text = re.sub(r"<metadata>.*?</metadata>", "", written.getvalue(), flags=re.S)
     text = re.sub(r"<style[^>]*>.*?</style>", "", text, flags=re.S).replace(INK, "currentColor")
-    named = {*re.findall(r"[\"(]#([\w-]+)", text)}
-    text = re.sub(r' id="([\w-]+)"', lambda one: one[0] if one[1] in named else "", text)
+    named = {*re.findall(r"[\"(]#([^\")]+)", text)}
+    text = re.sub(r' id="([^"]+)"', lambda one: one[0] if one[1] in named else "", text)
     text = re.sub(r" +(?=\n)|(?<=\n) +", "", text)
     write_text(path, text.replace("<svg ", '<svg color="#1b1b1b" stroke-linejoin="round" ', 1))
 
@@ -166,7 +166,7 @@ def draw_curve(folder: Path, answer: Answer, best: Confirmed, orbits: xr.Dataset
     told += [f"the contact adds {quantity(adds, sought.unit)} at the star"] * bool(adds == adds)
     of_unit = unit_of(str(name), units)[0]
     ax.set(
-        title=", ".join(told),
+        title="\n".join(told),
         xlabel=f"{in_words(str(name))} ({of_unit})" if of_unit else in_words(str(name)),
         ylabel=f"{sought.meaning} ({unit})",
     )
@@ -346,11 +346,13 @@ def draw_bearings(folder: Path, case: Case, design: Confirmed) -> None:
     times = 2 * np.pi / design.speed * np.linspace(0, 1, 73)
     turn = jc.simulate(scene, times, outputs=mechanism.DRAWN)
     hardest = int(np.argmax(np.linalg.norm(turn["toggle_reaction"], axis=1)))
-    fig, ax = plt.subplots(figsize=(4.2, 4.8), layout="constrained")
-    mechanism.plot_mechanism(scene, turn, hardest, ax)
-    # Without loose joints nothing stands on the left.
-    ax.set(title="", xlim=(0.5 * ax.get_xlim()[0], ax.get_xlim()[1]))
-    write_figure(folder / "bearings.svg", fig)
+    # The machine's own colours are those of a drawing on paper.
+    with plt.rc_context(dict.fromkeys(_CLEAR, "w") | dict.fromkeys(_INKED, "k")):
+        fig, ax = plt.subplots(figsize=(4.2, 4.8), layout="constrained")
+        mechanism.plot_mechanism(scene, turn, hardest, ax)
+        # Without loose joints nothing stands on the left.
+        ax.set(title="", xlim=(0.5 * ax.get_xlim()[0], ax.get_xlim()[1]))
+        write_figure(folder / "bearings.svg", fig)
 
 
 def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
@@ -371,7 +373,10 @@ def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
     for (place, force), (title, design) in zip(axes, answer.designs.items(), strict=True):
         scene = case.design.build(case.design.described(design.values))
         name, prefix = leading_force(scene), scene.prefix(scene.joints.names[0])
-        clearance, outputs = float(scene.joints.values[0].clearance), (name, f"{prefix}eccentricity")
+        clearance, outputs = (
+            float(scene.joints.values[0].clearance),
+            (name, f"{prefix}eccentricity"),
+        )
         times = 2 * np.pi / design.speed * turns
         if design.orbit is not None and design.orbit.found:
             seen, of = design.orbit.solution.motion(2 * np.pi * turns, outputs), "periodic orbit"
@@ -380,7 +385,7 @@ def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
             begun = started(case.design, design.values, design.worse_start)
             state = np.asarray(run.state)
             motion = jc.simulate(begun, times, outputs=outputs, state=state, rtol=FINE)
-            seen = motion.values
+            seen = {output: motion[output] for output in outputs}
         plots.plot_orbit(seen, clearance, place, prefix=prefix)
         place.set_title(f"{title}, {of}")
         ideal = jc.simulate(scene.ideal(), times, outputs=(name,))
@@ -389,7 +394,9 @@ def draw_motions(folder: Path, case: Case, answer: Answer) -> None:
         force.plot(turns, line, "--", color=plots.ORANGE, label="ideal joints")
         words = "|R_O| + |R_C|" if name == "foundation_force" else "shaking force"
         force.set(xlabel="turns of the shaft", ylabel=f"{words} (kN)")
-        force.set_title(f"{said('speed', design.speed, answer.box.units)}, {quantity(clearance, 'm')}")
+        force.set_title(
+            f"{said('speed', design.speed, answer.box.units)}, {quantity(clearance, 'm')}"
+        )
     top = max(ax.get_ylim()[1] for ax in axes[:, 1])
     for ax in axes[:, 1]:
         ax.set_ylim(0, top)

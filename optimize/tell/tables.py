@@ -67,9 +67,9 @@ def headline(found: Answer) -> list[tuple[str, str, str]]:
     told, where = [], found.compared_with
 
     def add(meaning: str, one: float, of: float, words: Callable[[float], str]) -> None:
-        change = 100 * (one / of - 1) if of else math.nan
-        more = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than {words(of)}"
-        told.append((meaning, words(one), f"{more} at the {where}" if math.isfinite(change) else ""))
+        change = 100 * (one / of - 1) if of and one != of else math.nan
+        more = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than {words(of)} at the {where}"
+        told.append((meaning, words(one), more if math.isfinite(change) else ""))
 
     add("RMS shaking force", *_of_both(found, "shaking_rms"), lambda one: quantity(one, "N"))
     if best.crushing is not None and other.crushing is not None:
@@ -101,7 +101,7 @@ def _of_both(found: Answer, force: str) -> tuple[float, float]:
 
 
 def answer(found: Answer) -> Table:
-    """Return the designs side by side: each number with its unit, and how the optimum changes it."""
+    """Return the designs side by side: numbers with units, and how the optimum changes them."""
     columns = [_told(found, title, design) for title, design in found.designs.items()]
     both = len(columns) == 2
     rows = [
