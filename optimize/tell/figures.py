@@ -26,6 +26,7 @@ from optimize.ask.case import Case
 from optimize.ask.constraints import may_be_stable
 from optimize.search.evaluate import started
 from optimize.search.landscape import Maps, worst
+from optimize.search.orbits import unsolvable
 from optimize.search.pareto import nondominated
 from optimize.tell.forces import name_of, prefixed, quantity
 from optimize.tell.words import shown
@@ -67,10 +68,14 @@ def _draw_all(
     drawn, omitted = ["motion.svg"], {}
     draw_motions(folder, case, answer)
     orbits, best, free = maps.orbits, answer.optimum, len(case.design.names)
-    if orbits is not None and not answer.stable_orbits:
+    if orbits is None:
+        why = unsolvable(case)
+        must = f"a scene with orbits to solve for must {why}"
+        omitted["map"] = must if why else "no design of the box keeps contact"
+    elif not answer.stable_orbits:
         why = "no point of the map has a stable orbit of one turn"
         omitted |= dict.fromkeys(("curve.svg", "orbits.svg", "settling.svg"), why)
-    elif orbits is not None and free <= 2:
+    elif free <= 2:
         if best is not None:
             draw_curve(folder, answer, best, orbits)
             drawn.append("curve.svg")
@@ -78,7 +83,7 @@ def _draw_all(
             draw_orbits(folder, answer, orbits)
             draw_settling(folder, answer, orbits)
             drawn += ["orbits.svg", "settling.svg"]
-    elif orbits is not None:
+    else:
         omitted["curve.svg"] = f"the map has no lines, because {free} numbers are free"
     if free == 2:
         draw_landscape(folder, answer, maps.landscape)

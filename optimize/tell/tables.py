@@ -68,7 +68,8 @@ def headline(found: Answer) -> list[tuple[str, str, str]]:
 
     def add(meaning: str, one: float, of: float, words: Callable[[float], str]) -> None:
         change = 100 * (one / of - 1) if of and one != of else math.nan
-        more = f"{abs(change):.3g} % {'less' if change < 0 else 'more'} than {words(of)} at the {where}"
+        than = f"{'less' if change < 0 else 'more'} than {words(of)}"
+        more = f"{abs(change):.3g} % {than} at the {where}"
         told.append((meaning, words(one), more if math.isfinite(change) else ""))
 
     add("RMS shaking force", *_of_both(found, "shaking_rms"), lambda one: quantity(one, "N"))

@@ -604,9 +604,9 @@ def test_interrupted_run_says_what_is_missing(tmp_path):
 
 def test_a_box_without_a_map_shows_the_first_turns_and_says_why(tmp_path):
     (tmp_path / "landscape.svg").write_text('<svg width="1"></svg>')
-    omitted = {"pareto.svg": "no point of the maps may be chosen"}
+    omitted = {"pareto.svg": "no point of the maps may be chosen", "map": "it is rough"}
     text = write_page(tmp_path, hand_made_answer(), None, ["landscape.svg"], omitted).read_text()
-    assert "No map of orbits: the scene has none to solve for" in text
+    assert "There is no map of orbits: it is rough. In its place" in text
     assert text.count("<figure") == 1 and "oscillations have not decayed" in " ".join(text.split())
     assert "pareto.svg is not drawn: no point of the maps may be chosen" in text
     assert "<script" not in text
