@@ -114,9 +114,9 @@ def answer(found: Answer) -> Table:
 
 
 def _change(one: float, other: float) -> str:
-    """Return by how much the first number differs from the second one."""
-    change = 100 * (one / other - 1) if other else math.nan
-    return f"{change:+.1f} %" if math.isfinite(change) and one != other else ""
+    """Return by how much the first number differs from the second one, up to tenfold."""
+    change = 100 * (one / other - 1) if other and one != other else math.nan
+    return f"{change:+.1f} %" if abs(change) < 1e3 else ""
 
 
 def _told(found: Answer, title: str, design: Confirmed) -> dict[tuple[str, str], tuple[str, float]]:
@@ -141,7 +141,7 @@ def _told(found: Answer, title: str, design: Confirmed) -> dict[tuple[str, str],
             told["capacity", "t/h"] = f"{tonnes:.2f}", tonnes
         told["stroke at the discharge", "mm"] = f"{1e3 * one.stroke:.4g}", one.stroke
         ratio = f"{one.stroke_ratio:.3g}", one.stroke_ratio
-        told["stroke, vertical / horizontal", ""] = ratio
+        told["stroke, up over across", ""] = ratio
     return told
 
 

@@ -262,7 +262,7 @@ def test_the_first_screen_begins_with_what_matters(page):
     assert table.rows[0] == ("speed", "rad/s", "25", "39", "-35.9 %")
     assert table.rows[3] == ("RMS of the shaking force", "N", "3135", "6270", "-50.0 %")
     # What is the same has not changed.
-    assert table.rows[-1] == ("stroke, vertical / horizontal", "", "1.2", "1.2", "")
+    assert table.rows[-1] == ("stroke, up over across", "", "1.2", "1.2", "")
     text = page.read_text().split("<main>")[1]
     order = ["Not confirmed", 'class="headline"', 'class="answer"', "The objective over the free"]
     order += [

@@ -176,7 +176,7 @@ def test_the_closing_screen(finished):
         seed_choice=replace(answer.seed_choice, values=values),
     )
     text = printed(answer)
-    assert re.search(r"optimum +scene file's choice *\n", text)
+    assert re.search(r"unit +optimum +scene file's choice +change *\n", text)
     assert re.search(r"counterweight mass +kg +20\.205 +20\.205 *\n", text)
     assert re.search(r"jaw mass centre distance +mm +301\.25 +301\.25 *\n", text)
     assert re.search(r"RMS of \|R_O\| \+ \|R_C\| +N +18243\.41 +19102\.32 +-4\.5 % *\n", text)
@@ -186,7 +186,8 @@ def test_the_closing_screen(finished):
 def test_map_of_orbits_is_labelled(finished):
     folder, _ = finished
     with xr.open_dataset(folder / "orbits.nc") as orbits:
-        assert dict(orbits.sizes) == {"speed": 6, "clearance": 4, "parameter": 2}
+        drawn = {"instant": 96, "axis": 2}
+        assert dict(orbits.sizes) == {"speed": 6, "clearance": 4, "parameter": 2} | drawn
         assert orbits.slope.dims == ("speed", "clearance", "parameter")
         assert json.loads(orbits.attrs["box"])["bounds"]["speed"] == [25.0, 37.5]
         cell = orbits.isel(speed=0, clearance=0)
@@ -194,8 +195,8 @@ def test_map_of_orbits_is_labelled(finished):
         # The multiplier that orbits.md of the docs gives: 1/e in some 4700 turns.
         assert float(cell.settling_turns) == pytest.approx(4726, rel=1e-3)
         assert cell.failure == "" and bool(cell.counts)
-    for name in ("landscape", "settling", "starts", "capacity", "motion"):
-        assert (folder / f"{name}.png").stat().st_size > 10_000
+    for name in ("curve", "orbits", "settling", "landscape", "capacity", "motion"):
+        assert (folder / f"{name}.svg").stat().st_size > 10_000
 
 
 CENTRE = np.array([0.3, 0.6])
@@ -1141,6 +1142,7 @@ def test_orbits_are_mapped_where_there_may_be_some(monkeypatch, seats, found, co
 
     monkeypatch.setattr(periodic, "solve", solve)
     monkeypatch.setattr(periodic, "labelled", lambda *_: xr.Dataset())
+    monkeypatch.setattr(periodic.drawn, "turns", lambda *_: {})
     mapped = periodic.solve_map(case, units, (10, 10), lambda: contact)
     assert calls == asked and (mapped is not None) == (asked[-1:] == ["all"])
 
