@@ -12,6 +12,7 @@ import jaxcrusher as jc
 from jaxcrusher.files.table import Column
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, missing, seen_along
+from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.trigonometric import resample
 from optimize.ask.case import Case
 from optimize.search.evaluate import Rows
@@ -56,7 +57,8 @@ def _turns(
 
     def turn(unit: Float[Array, " n"], path: Float[Array, "nodes dims"]) -> dict[str, Array]:
         scene = case.design.scene(unit)
-        orbit = replace(missing(scene, 1, RESULTS.successful), eccentricity=path)
+        found = RESULTS.promote(newton.RESULTS.successful)
+        orbit = replace(missing(scene, 1, found), eccentricity=path)
         ideal = jc.periodic_orbit(scene.ideal())
         return {
             "path": resample(path[:, :2], INSTANTS),
