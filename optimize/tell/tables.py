@@ -62,7 +62,10 @@ def headline(found: Answer) -> list[tuple[str, str, str]]:
     best, other = found.optimum, found.seed_choice
     if best is None or other is None:
         return []
-    at_end = {one.parameter: f"the {one.limit} allowed" for one in found.active}
+    floor = {"capacity": "at the floor of the capacity"}
+    at_end = {
+        one.parameter: floor.get(one.limit, f"the {one.limit} allowed") for one in found.active
+    }
     free = sorted(best.values, key=lambda name: name != "speed")
     told, where = [], found.compared_with
 
@@ -72,7 +75,8 @@ def headline(found: Answer) -> list[tuple[str, str, str]]:
         more = f"{abs(change):.3g} % {than} at the {where}"
         told.append((meaning, words(one), more if math.isfinite(change) else ""))
 
-    add("RMS shaking force", *_of_both(found, "shaking_rms"), lambda one: quantity(one, "N"))
+    shakes = best.forces["shaking_rms"], other.forces["shaking_rms"]
+    add("RMS shaking force", *shakes, lambda one: quantity(one, "N"))
     if best.crushing is not None and other.crushing is not None:
         capacities = best.crushing.capacity, other.crushing.capacity
         add("capacity", *capacities, lambda one: f"{one:.2f} m³/h")
@@ -85,20 +89,17 @@ def headline(found: Answer) -> list[tuple[str, str, str]]:
         remark = ", ".join(filter(None, (other_unit, at_end.get(name))))
         told.insert(free.index(name), (in_words(name), value, remark))
     if left := free[room:]:
+        others = [
+            ", ".join(
+                filter(None, (f"{in_words(n)} {said(n, best.values[n], units)}", at_end.get(n)))
+            )
+            for n in left
+        ]
+        many = f"{len(left)} more numbers that are free, in the table"
         meaning, value, remark = told[room - 1]
-        others = [f"{in_words(n)} {said(n, best.values[n], units)}" for n in left]
-        others = others if len(left) < 3 else [f"{len(left)} more numbers, in the table"]
-        ends = sum(name in at_end for name in left)
-        others += [f"{ends} at the end of what is allowed"] if ends and len(left) > 2 else []
-        others[0] += f", {at_end[left[0]]}" if len(left) == 1 and left[0] in at_end else ""
-        remark = "; ".join(filter(None, (remark, f"with {', '.join(others)}")))
-        told[room - 1] = meaning, value, remark
+        more = f"with {'; '.join(others) if len(left) < 3 else many}"
+        told[room - 1] = meaning, value, "; ".join(filter(None, (remark, more)))
     return told
-
-
-def _of_both(found: Answer, force: str) -> tuple[float, float]:
-    assert found.optimum is not None and found.seed_choice is not None
-    return found.optimum.forces[force], found.seed_choice.forces[force]
 
 
 def answer(found: Answer) -> Table:

@@ -285,7 +285,7 @@ def test_a_linkage_is_told_by_what_is_free_and_by_its_objective():
     of = Sought("peak", "N", "peak in B")
     told = tables.headline(replace(found, objective=of, optimum=one, seed_choice=two))
     assert [value for _, value, _ in told] == ["25 rad/s", "1 kN", "2 kN"]
-    assert told[0][2] == "238.7 rpm; with clearance 0.06 mm, friction 0.05"
+    assert told[0][2] == "238.7 rpm; with clearance 0.06 mm; friction 0.05"
     assert told[1][2] == "" and told[2][2] == "50 % less than 4 kN at the paper's choice"
 
 
