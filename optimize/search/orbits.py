@@ -118,6 +118,7 @@ def solve_map(
     columns = columns_of(case.scene.statistics, case.told) | drawn.COLUMNS
     columns |= {name: COLUMNS[name] for name in (*KEPT, *VERDICTS, "failure", "found", *motions)}
     columns["objective"] = Column(of.unit, of.meaning)
+    columns["ideal_objective"] = drawn.COLUMNS["ideal_objective"]._replace(unit=of.unit)
     meaning = f"slope of the {of.meaning}, per unit of the parameter"
     columns["slope"] = Column(of.unit, meaning, dims=("parameter",))
     meaning = "may be chosen: a motion inside the constraints that is not known to be unstable"

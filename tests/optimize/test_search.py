@@ -189,6 +189,7 @@ def test_map_of_orbits_is_labelled(finished):
         drawn = {"instant": 96, "axis": 2}
         assert dict(orbits.sizes) == {"speed": 6, "clearance": 4, "parameter": 2} | drawn
         assert orbits.slope.dims == ("speed", "clearance", "parameter")
+        assert orbits.ideal_objective.units == orbits.objective.units == "N"
         assert json.loads(orbits.attrs["box"])["bounds"]["speed"] == [25.0, 37.5]
         cell = orbits.isel(speed=0, clearance=0)
         assert float(cell.objective) == pytest.approx(18243.41119, rel=1e-9)
