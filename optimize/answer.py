@@ -204,7 +204,6 @@ class Maps:
 
     cells: np.ndarray  # of the landscape, points (cells, n) of the unit box
     landscape: xr.Dataset
-    motions: xr.Dataset  # of the landscape's cells
     points: np.ndarray  # of the map of orbits, (points, n)
     orbits: xr.Dataset | None  # None: there are none to solve for
     contact: bool = True  # whether any design keeps contact from a start

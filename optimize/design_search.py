@@ -28,7 +28,7 @@ from optimize.tell.page.document import write_page
 if TYPE_CHECKING:
     import distributed
 
-WRITTEN = ("result.json", "report.html", "orbits.nc", "landscape.nc", "*.png")
+WRITTEN = ("result.json", "report.html", "orbits.nc", "landscape.nc", "*.svg")
 # Finished chunks of a search that is not finished.
 CHUNKS = "chunks"
 

@@ -20,6 +20,7 @@ from optimize.ask import constraints
 from optimize.ask.design import GRID_DIMENSIONS
 from optimize.ask.problem import Problem
 from optimize.search import descents
+from optimize.search import motions as drawn
 from optimize.search.evaluate import NOWHERE, Rows, Tracking, started
 from optimize.search.landscape import labelled, spread
 
@@ -161,10 +162,12 @@ def solve_map(
         # The points of a sequence lie too far apart to help each other.
         near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
         rows, motions = solve(problem, units, near, tracking=tracking), MOTION
+    rows |= drawn.turns(problem, units, rows)
     of = problem.objective
-    columns = columns_of(problem.scene.statistics, problem.told)
+    columns = columns_of(problem.scene.statistics, problem.told) | drawn.COLUMNS
     columns |= {name: COLUMNS[name] for name in (*KEPT, *VERDICTS, "failure", "found", *motions)}
     columns["objective"] = Column(of.unit, of.meaning)
+    columns["ideal_objective"] = drawn.COLUMNS["ideal_objective"]._replace(unit=of.unit)
     meaning = f"slope of the {of.meaning}, per unit of the parameter"
     columns["slope"] = Column(of.unit, meaning, dims=("parameter",))
     meaning = "may be chosen: a motion inside the constraints that is not known to be unstable"

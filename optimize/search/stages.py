@@ -25,10 +25,9 @@ from optimize.search.confirm import SHIFT, Repeats, confirmed, long_runs, long_w
 from optimize.search.descents import Descent
 from optimize.search.evaluate import Tracking, Window, evaluate, judged
 from optimize.search.front import fronts
-from optimize.search.motions import cell_motions
 from optimize.search.work import Work
 
-# Tolerance of the landscape and its motions, in clearances.
+# Tolerance of the landscape, in clearances.
 MAP_RTOL = 1e-6
 # Designs that are looked at before all others: if none of them keeps contact, few or none has an
 # orbit that keeps it, which is what nodes solve for.
@@ -53,7 +52,7 @@ def map_box(answer: Answer, work: Work) -> Answer:
     reference = problem.design.unit(problem.reference)
     contact: Future[bool] = Future()  # whether any design keeps it
 
-    def explore() -> tuple[xr.Dataset, xr.Dataset]:
+    def explore() -> xr.Dataset:
         try:
             contact.set_result(_scouted(problem, work, points))
         except BaseException as error:
@@ -63,12 +62,12 @@ def map_box(answer: Answer, work: Work) -> Answer:
         import_module("optimize.tell.figures")  # a second, while the map of orbits is computed
         return found
 
-    mapped, (data, motions), orbit = work.at_once(
+    mapped, data, orbit = work.at_once(
         lambda: _map_orbits(problem, work, points, contact),
         explore,
         lambda: orbits.orbit_of(problem, reference) if contact.result() else None,
     )
-    maps = Maps(cells, data, motions, points, mapped, contact.result(), orbit)
+    maps = Maps(cells, data, points, mapped, contact.result(), orbit)
     return replace(answer, maps=maps)
 
 
@@ -105,11 +104,8 @@ def _map_orbits(
     return data
 
 
-def _explore(problem: Problem, work: Work, cells: np.ndarray) -> tuple[xr.Dataset, xr.Dataset]:
-    """Integrate unit points from both starts, for their statistics and then for drawings.
-
-    Returns the landscape, which is also written, and its motions.
-    """
+def _explore(problem: Problem, work: Work, cells: np.ndarray) -> xr.Dataset:
+    """Integrate unit points from both starts; return the landscape, which is also written."""
     window, count = _short(problem), len(landscape.STARTS) * len(cells)
     with work.stage("landscape", count) as tracking:
         rows = evaluate(problem, cells, window, tracking)
@@ -118,9 +114,7 @@ def _explore(problem: Problem, work: Work, cells: np.ndarray) -> tuple[xr.Datase
     data.attrs = _provenance("Landscape of a design search", problem, **how)
     write_netcdf(work.folder / "landscape.nc", data)
     work.steps["landscape"] = int(data.steps.sum())
-    with work.stage("motions", data.objective.size) as tracking:
-        motions, work.steps["motions"] = cell_motions(problem, cells, data, MAP_RTOL, tracking)
-    return data, motions
+    return data
 
 
 def _provenance(title: str, problem: Problem, **settings: Any) -> dict[str, Any]:

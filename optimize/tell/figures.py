@@ -1,6 +1,8 @@
-"""The figures that a search leaves behind."""
+"""The figures that a search leaves behind, as SVG that takes its ink from the page around it."""
 
+import io
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -8,24 +10,46 @@ import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
-from jaxcrusher.files.results import write_figure
+from jaxcrusher.files.results import write_text
+from jaxcrusher.files.text import prefixed, quantity
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.pictures import mechanism, plots
+from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import said, unit_of
 from optimize.answer import Answer, Confirmed
+from optimize.ask.constraints import may_be_stable
 from optimize.ask.problem import Problem
+from optimize.search.evaluate import started
 from optimize.search.front import nondominated
 from optimize.search.landscape import worst
-from optimize.search.motions import design_motions
+from optimize.search.orbits import unsolvable
 from optimize.tell.forces import name_of
 from optimize.tell.words import shown
 
 OPTIMUM = {"marker": "*", "color": "C3", "markersize": 13, "linestyle": ""}
 COMPARED = {"marker": "D", "color": "C1", "markersize": 8, "linestyle": ""}
+# A colour that nothing else has: what is drawn in it takes the colour of the text around it.
+INK = "#010203"
+_INKED = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
+_CLEAR = ("figure.facecolor", "axes.facecolor", "savefig.facecolor", "legend.facecolor")
+STYLE: dict[Any, Any] = {
+    **plots.STYLE,
+    **dict.fromkeys(_INKED, INK),
+    **dict.fromkeys(_CLEAR, "none"),
+    "legend.frameon": False,
+    "svg.fonttype": "none",
+}
+# Width and height in inches of a picture beside a table, and of a map.
+NARROW, MAP = (4.3, 2.7), (6.2, 4.3)
+ABOVE: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
+# The tolerance of a motion that is drawn because its design has no orbit.
+FINE = 1e-9
 
 
 def draw_all(folder: Path, answer: Answer) -> tuple[list[str], dict[str, str]]:
@@ -33,58 +57,139 @@ def draw_all(folder: Path, answer: Answer) -> tuple[list[str], dict[str, str]]:
 
     Returns the names of the files, and why others were left out, by name.
     """
+    with plt.rc_context(STYLE):
+        return _draw_all(folder, answer)
+
+
+def _draw_all(folder: Path, answer: Answer) -> tuple[list[str], dict[str, str]]:
     problem, maps = answer.problem, answer.maps
     assert maps is not None
-    drawn, omitted = [], {}
-    data, orbits = maps.landscape, maps.orbits
-    if len(problem.design.names) == 2:
-        if maps.stable_orbits:
-            assert orbits is not None
+    drawn, omitted = ["motion.svg"], {}
+    draw_motions(folder, answer)
+    orbits, best, free = maps.orbits, answer.optimum, len(problem.design.names)
+    if orbits is None:
+        why = unsolvable(problem)
+        must = f"a scene with orbits to solve for must {why}"
+        omitted["map"] = must if why else "no design of the box keeps contact"
+    elif not maps.stable_orbits:
+        why = "no point of the map has a stable orbit of one turn"
+        omitted |= dict.fromkeys(("curve.svg", "orbits.svg", "settling.svg"), why)
+    elif free <= 2:
+        if best is not None:
+            draw_curve(folder, answer, best, orbits)
+            drawn.append("curve.svg")
+        if free == 2:
             draw_orbits(folder, answer, orbits)
             draw_settling(folder, answer, orbits)
-            drawn += ["landscape.png", "settling.png"]
-        elif orbits is not None:
-            why = "no point of the map has a stable orbit of one turn"
-            omitted |= {"landscape.png": why, "settling.png": why}
-        draw_starts(folder, answer, data)
-        drawn.append("starts.png")
+            drawn += ["orbits.svg", "settling.svg"]
+    else:
+        omitted["curve.svg"] = f"the map has no lines, because {free} numbers are free"
+    if free == 2:
+        draw_landscape(folder, answer, maps.landscape)
+        drawn.append("landscape.svg")
     if "speed" in problem.design.names and problem.chamber is not None:
         draw_capacity(folder, problem.chamber, problem)
-        drawn.append("capacity.png")
+        drawn.append("capacity.svg")
     if answer.fronts and all(len(front.objective) == 1 for front in answer.fronts):
         higher = "" if problem.chamber is None else "a higher capacity than the optimum, nor "
-        omitted["pareto.png"] = (
+        omitted["pareto.svg"] = (
             f"nothing has to be traded, because no point of the map has {higher}a lower "
             f"{name_of(problem.rival.meaning)}{'' if higher else ' than the optimum'}"
         )
     elif maps.counting_orbits is not None:
-        draw_pareto(folder, problem, maps.points, maps.counting_orbits, answer)
-        drawn.append("pareto.png")
-    elif data.counts.all("start").any():
-        draw_pareto(folder, problem, maps.cells, data, answer)
-        drawn.append("pareto.png")
+        draw_pareto(folder, answer, maps.points, maps.counting_orbits)
+        drawn.append("pareto.svg")
+    elif maps.landscape.counts.all("start").any():
+        draw_pareto(folder, answer, maps.cells, maps.landscape)
+        drawn.append("pareto.svg")
     else:
-        omitted["pareto.png"] = "no point of the maps may be chosen"
-    draw_motions(folder, problem, answer)
-    drawn.append("motion.png")
-    if answer.optimum is not None and problem.chamber is not None:
-        draw_bearings(folder, problem, answer.optimum)
-        drawn.append("bearings.png")
+        omitted["pareto.svg"] = "no point of the maps may be chosen"
+    if best is not None and problem.chamber is not None:
+        draw_bearings(folder, problem, best)
+        drawn.append("bearings.svg")
     return drawn, omitted
+
+
+def write_figure(path: Path, figure: Figure) -> None:
+    """Write a figure as SVG whose ink is `currentColor`, and close it.
+
+    Meshes are pixels: as paths they would show seams, and a fine one would fill a page. Names of
+    parts are those that the picture itself refers to, and no two pictures share one.
+    """
+    for ax in figure.axes:
+        for mesh in ax.collections:
+            mesh.set_rasterized(isinstance(mesh, QuadMesh))
+    written = io.StringIO()
+    with plt.rc_context({"svg.hashsalt": path.name}):
+        figure.savefig(written, format="svg", dpi=110, metadata={"Date": None})
+    plt.close(figure)
+    text = re.sub(r"<metadata>.*?</metadata>", "", written.getvalue(), flags=re.S)
+    text = re.sub(r"<style[^>]*>.*?</style>", "", text, flags=re.S).replace(INK, "currentColor")
+    named = {*re.findall(r"[\"(]#([^\")]+)", text)}
+    text = re.sub(r' id="([^"]+)"', lambda one: one[0] if one[1] in named else "", text)
+    text = re.sub(r" +(?=\n)|(?<=\n) +", "", text)
+    write_text(path, text.replace("<svg ", '<svg color="#1b1b1b" stroke-linejoin="round" ', 1))
+
+
+def line_of_map(orbits: xr.Dataset, values: dict[str, float]) -> xr.Dataset:
+    """Return the row or column of a map, next to a design, on which the objective changes most."""
+    dims = [str(name) for name in orbits.objective.dims]
+    lines = []
+    for name in dims:
+        others = {other: values[other] for other in dims if other != name}
+        lines.append(orbits.sel(others, method="nearest"))
+    changes = [float(line.objective.max() - line.objective.min()) for line in lines]
+    return lines[int(np.nanargmax(changes))]
+
+
+def draw_curve(folder: Path, answer: Answer, best: Confirmed, orbits: xr.Dataset) -> None:
+    """Draw the objective over the number that changes it most, and what ideal joints leave."""
+    units, sought = answer.problem.units, answer.problem.objective
+    known = orbits.objective.where(may_be_stable(orbits))
+    line = line_of_map(orbits.assign(objective=known), best.values)
+    ideal = line.ideal_objective.to_numpy()
+    (name,) = line.objective.dims
+    x, y = shown(str(name), line[name].to_numpy(), units), line.objective.to_numpy()
+    one, unit = prefixed(float(np.nanmax(np.abs(y))), sought.unit)
+    fig, ax = plt.subplots(figsize=NARROW, layout="constrained")
+    ax.plot(x, y / one, "o-", color=plots.BLUE, linewidth=2.5, markersize=4, label="with clearance")
+    if np.isfinite(ideal).any():
+        ax.plot(x, ideal / one, "--", color=plots.ORANGE, label="ideal joints")
+        share = "what the contact adds"
+        ax.fill_between(x, ideal / one, y / one, color=plots.BLUE, alpha=0.25, lw=0, label=share)
+    at = shown(str(name), best.values[str(name)], units)
+    ax.plot(at, best.objective / one, **_marker("optimum"), label="optimum", clip_on=False)
+    # The cell next to the optimum tells what the eye does not see.
+    near = int(np.nanargmin(np.abs(x - at)))
+    adds = y[near] - ideal[near]
+    told = [
+        f"at {in_words(other)} {said(other, float(line[other]), units)}"
+        for other in best.values
+        if other != name
+    ]
+    told += [f"the contact adds {quantity(adds, sought.unit)} at the star"] * bool(adds == adds)
+    of_unit = unit_of(str(name), units)[0]
+    ax.set(
+        title="\n".join(told),
+        xlabel=f"{in_words(str(name))} ({of_unit})" if of_unit else in_words(str(name)),
+        ylabel=f"{sought.meaning} ({unit})",
+    )
+    ax.legend()
+    write_figure(folder / "curve.svg", fig)
 
 
 def draw_orbits(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
     """Draw the map of the objective on periodic orbits, with descents and designs."""
-    fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
+    fig, ax = plt.subplots(figsize=MAP, layout="constrained")
     stable = _looks_stable(orbits)
     plots.plot_landscape(orbits.objective.where(stable), ax, units=answer.problem.units)
     _mark(ax, answer, descents=True, open_cells=not bool(stable.all()))
-    write_figure(folder / "landscape.png", fig)
+    write_figure(folder / "orbits.svg", fig)
 
 
 def draw_settling(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
     """Draw the map of the turns in which a disturbance of the orbit falls to 1/e."""
-    fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
+    fig, ax = plt.subplots(figsize=MAP, layout="constrained")
     stable = _looks_stable(orbits)
     turns, units = orbits.settling_turns.where(stable), answer.problem.units
     across, up = plots.axes_of(turns.dims)
@@ -99,7 +204,7 @@ def draw_settling(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
     fig.colorbar(mesh, ax=ax, label="turns in which a disturbance falls to 1/e")
     plots.label_axes(ax, across, up, units)
     _mark(ax, answer, open_cells=not bool(stable.all()))
-    write_figure(folder / "settling.png", fig)
+    write_figure(folder / "settling.svg", fig)
 
 
 def _looks_stable(orbits: xr.Dataset) -> xr.DataArray:
@@ -107,9 +212,9 @@ def _looks_stable(orbits: xr.Dataset) -> xr.DataArray:
     return np.isfinite(orbits.settling_turns)
 
 
-def draw_starts(folder: Path, answer: Answer, data: xr.Dataset) -> None:
+def draw_landscape(folder: Path, answer: Answer, data: xr.Dataset) -> None:
     """Draw the map of the first turns' time average from the worse start, with marks."""
-    fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
+    fig, ax = plt.subplots(figsize=MAP, layout="constrained")
     marks = {
         "failed": ~data.success.all("start"),
         "whirl": data.whirl.any("start"),
@@ -117,7 +222,7 @@ def draw_starts(folder: Path, answer: Answer, data: xr.Dataset) -> None:
     }
     plots.plot_landscape(worst(data), ax, marks=marks, units=answer.problem.units)
     _mark(ax, answer)
-    write_figure(folder / "starts.png", fig)
+    write_figure(folder / "landscape.svg", fig)
 
 
 def _mark(ax: Axes, answer: Answer, *, descents: bool = False, open_cells: bool = False) -> None:
@@ -140,8 +245,8 @@ def _mark(ax: Axes, answer: Answer, *, descents: bool = False, open_cells: bool 
             clip_on=False,
             label=title,
         )
-    place = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "ncols": 3}
-    ax.legend(handles=handles, facecolor="0.8", fontsize=9, **place)
+    # The ground shows lines that are white.
+    ax.legend(handles=handles, frameon=True, facecolor="0.6", labelcolor="k", ncols=3, **ABOVE)
 
 
 def _marker(title: str) -> dict[str, Any]:
@@ -151,7 +256,7 @@ def _marker(title: str) -> dict[str, Any]:
 def draw_capacity(folder: Path, chamber: CrushingChamber, problem: Problem) -> None:
     """Draw the capacity over speed, with the box searched."""
     low, high = problem.design.bounds["speed"]
-    fig, ax = plt.subplots(figsize=(6, 4), layout="constrained")
+    fig, ax = plt.subplots(figsize=NARROW, layout="constrained")
     speeds = np.linspace(0.6 * low, 1.25 * high, 200)
     plots.plot_capacity(chamber, speeds, problem.capacity_floor, ax, units=problem.units)
     unit, one = unit_of("speed", problem.units)
@@ -159,19 +264,18 @@ def draw_capacity(folder: Path, chamber: CrushingChamber, problem: Problem) -> N
     reached = float(chamber.highest_speed(problem.capacity_floor)) / one
     if math.isfinite(reached):
         label = f"floor reached at {reached:.4g} {unit}"
-        ax.axvline(reached, color="0.4", linestyle=":", label=label)
+        ax.axvline(reached, color="0.5", linestyle=":", label=label)
     ax.legend()
-    write_figure(folder / "capacity.png", fig)
+    write_figure(folder / "capacity.svg", fig)
 
 
-def draw_pareto(
-    folder: Path, problem: Problem, units: np.ndarray, data: xr.Dataset, answer: Answer
-) -> None:
+def draw_pareto(folder: Path, answer: Answer, units: np.ndarray, data: xr.Dataset) -> None:
     """Draw the objective against a crusher's capacity and the rival, at a map's points and designs.
 
     `data` is the map of orbits, whose fronts the answer has, or the landscape, whose
     worse start counts: its front is what no other point beats in both.
     """
+    problem = answer.problem
     transient = "start" in data.dims
     force = problem.rival
     (statistic,) = force.outputs
@@ -195,7 +299,7 @@ def draw_pareto(
         axes = axes.ravel()
         for k, (ax, (column, sign, one, heading)) in enumerate(zip(axes, of_axes, strict=True)):
             dots = objective / kilo, column / one
-            ax.plot(*dots, "o", color="0.7", markersize=3, label="points of the map")
+            ax.plot(*dots, "o", color="0.6", markersize=3, label="points of the map")
             if answer.fronts:
                 line = answer.fronts[k].objective, answer.fronts[k].other
             else:
@@ -214,19 +318,11 @@ def draw_pareto(
             crushing = design.crushing
             values = [highest / 1e3] if crushing is None else [crushing.capacity, highest / 1e3]
             for ax, value in zip(axes, values, strict=True):
-                ax.plot(
-                    least / kilo,
-                    value,
-                    **_marker(title),
-                    markeredgecolor="k",
-                    markeredgewidth=0.6,
-                    label=title,
-                    zorder=3,
-                )
+                ax.plot(least / kilo, value, **_marker(title), label=title, zorder=3)
         for ax in axes:
             _zoom_to_front(ax)
         fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
-        write_figure(folder / "pareto.png", fig)
+        write_figure(folder / "pareto.svg", fig)
 
 
 def _zoom_to_front(ax: Axes) -> None:
@@ -257,40 +353,60 @@ def draw_bearings(folder: Path, problem: Problem, design: Confirmed) -> None:
     times = 2 * np.pi / design.speed * np.linspace(0, 1, 73)
     turn = jc.simulate(scene, times, outputs=mechanism.DRAWN)
     hardest = int(np.argmax(np.linalg.norm(turn["toggle_reaction"], axis=1)))
-    fig, ax = plt.subplots(figsize=(4.2, 4.8), layout="constrained")
-    mechanism.plot_mechanism(scene, turn, hardest, ax)
-    # Without loose joints nothing stands on the left.
-    ax.set(title="", xlim=(0.5 * ax.get_xlim()[0], ax.get_xlim()[1]))
-    write_figure(folder / "bearings.png", fig)
+    # The machine's own colours are those of a drawing on paper.
+    with plt.rc_context(dict.fromkeys(_CLEAR, "w") | dict.fromkeys(_INKED, "k")):
+        fig, ax = plt.subplots(figsize=(4.2, 4.8), layout="constrained")
+        mechanism.plot_mechanism(scene, turn, hardest, ax)
+        # Without loose joints nothing stands on the left.
+        ax.set(title="", xlim=(0.5 * ax.get_xlim()[0], ax.get_xlim()[1]))
+        write_figure(folder / "bearings.svg", fig)
 
 
-def draw_motions(folder: Path, problem: Problem, answer: Answer) -> None:
-    """Draw the pin's path and the leading force of both designs after their long runs."""
+def draw_motions(folder: Path, answer: Answer) -> None:
+    """Draw the pin's path and the leading force of both designs over two turns.
+
+    They are those of the orbit, or those after the long run of the worse start where a design has
+    none.
+    """
+    problem = answer.problem
+    count, turns = len(answer.designs), np.linspace(0, 2, 1001)
     fig, axes = plt.subplots(
+        count,
         2,
-        2 * len(answer.designs),
-        figsize=(6.2 * len(answer.designs), 6),
+        figsize=(plots.WIDTH, 2.6 * count),
         layout="constrained",
-        gridspec_kw={"width_ratios": [1, 1.5] * len(answer.designs)},
+        width_ratios=[1, 1.7],
         squeeze=False,
     )
-    turns = np.linspace(0, 2, 4001)
-    motions = design_motions(problem, list(answer.designs.values()), turns)
-    for column, (title, design) in enumerate(answer.designs.items()):
+    for (place, force), (title, design) in zip(axes, answer.designs.items(), strict=True):
         scene = problem.design.build(problem.design.described(design.values))
-        joint, clearance = scene.joints.names[0], float(scene.joints.values[0].clearance)
-        of_speed = said("speed", design.speed, answer.problem.units)
+        name, prefix = leading_force(scene), scene.prefix(scene.joints.names[0])
+        clearance, outputs = (
+            float(scene.joints.values[0].clearance),
+            (name, f"{prefix}eccentricity"),
+        )
         times = 2 * np.pi / design.speed * turns
-        ideal = jc.simulate(scene.ideal(), times, outputs=(leading_force(scene),))
-        for row, (start, motion) in enumerate(motions[column].items()):
-            orbit, force = axes[row, 2 * column : 2 * column + 2]
-            plots.plot_orbit(motion, clearance, orbit, prefix=scene.prefix(joint))
-            plots.plot_force(motion, ideal, force)
-            orbit.set_title(f"{title}, start {start}", fontsize=10)
-            force.set_title(f"{of_speed}, {1e3 * clearance:.3f} mm", fontsize=10)
-    forces = axes[:, 1::2].ravel()
-    top = max(ax.get_ylim()[1] for ax in forces)
-    for ax in forces:
+        if design.orbit is not None and design.orbit.found:
+            seen, of = design.orbit.solution.motion(2 * np.pi * turns, outputs), "periodic orbit"
+        else:
+            run, of = design.transient[design.worse_start], f"{design.worse_start} start"
+            begun = started(problem.design, design.values, design.worse_start)
+            state = np.asarray(run.state)
+            motion = jc.simulate(begun, times, outputs=outputs, state=state, rtol=FINE)
+            seen = {output: motion[output] for output in outputs}
+        plots.plot_orbit(seen, clearance, place, prefix=prefix)
+        place.set_title(f"{title}, {of}")
+        ideal = jc.simulate(scene.ideal(), times, outputs=(name,))
+        force.plot(turns, plots.force_size(seen[name]), color=plots.BLUE, label="with clearance")
+        line = plots.force_size(ideal[name])
+        force.plot(turns, line, "--", color=plots.ORANGE, label="ideal joints")
+        words = "|R_O| + |R_C|" if name == "foundation_force" else "shaking force"
+        force.set(xlabel="turns of the shaft", ylabel=f"{words} (kN)")
+        force.set_title(
+            f"{said('speed', design.speed, answer.problem.units)}, {quantity(clearance, 'm')}"
+        )
+    top = max(ax.get_ylim()[1] for ax in axes[:, 1])
+    for ax in axes[:, 1]:
         ax.set_ylim(0, top)
-        ax.legend(loc="lower right", fontsize=8)
-    write_figure(folder / "motion.png", fig)
+    axes[0, 1].legend(loc="lower right")
+    write_figure(folder / "motion.svg", fig)

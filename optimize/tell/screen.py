@@ -17,7 +17,7 @@ def print_answer(console: Console, answer: Answer) -> None:
         tell(f"The search {answer.status}. The same command goes on from there.")
     tell(formatting.answer(answer))
     if answer.designs:
-        console.print(tables.answer(answer).turned.printed())
+        console.print(tables.answer(answer).printed())
         tell(tables.caution(answer))
     failed = [check for check in answer.checks if not check.passed]
     if count := len(answer.checks):

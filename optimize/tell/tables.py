@@ -1,17 +1,17 @@
 """The tables of the report's page: headings in words with units, and rows."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from jaxcrusher.crusher.capacity import CAUTION
-from jaxcrusher.files.text import Table, as_text, number, two_digits
+from jaxcrusher.files.text import Table, as_text, number, quantity, two_digits
 from jaxcrusher.joint.validity import ELASTIC_IMPACT_SPEED, WIDEST_CLEARANCE, WIDEST_CONTACT
 from jaxcrusher.scenes.parameters import NUMBERS, in_words, readable
 from jaxcrusher.scenes.plausibility import borrowed
 from jaxcrusher.scenes.units import said, unit_of
 from jaxcrusher.sheets.load_sheet import MOVING, Row, joint_states
 from jaxcrusher.sheets.severity import SOURCE
-from optimize.answer import Answer, Confirmed, Runs
+from optimize.answer import Answer, Confirmed
 from optimize.search.confirm import long_window
 from optimize.tell import words as formatting
 from optimize.tell.forces import besides, name_of
@@ -22,7 +22,6 @@ STAGES = {
     "orbits": "map of periodic orbits",
     "scouts": "some designs over the box",
     "landscape": "both starts over the box",
-    "motions": "motions of the cells",
     "refinement": "descents",
     "confirmation": "long runs",
     "bound": "cells halved for the bound",
@@ -42,9 +41,7 @@ LIMITS = (
     f"{ELASTIC_IMPACT_SPEED:g} m/s are not elastic. Motions beyond any are marked.",
     "A friction whirl penetrates by the order of the clearance: its numbers are outside the "
     "theory and rank as nothing.",
-    "Impacting motions diverge exponentially: a motion drawn here is one of many that start "
-    "almost alike. Only their statistics can be compared.",
-    "A ± of a cell is the scatter within one run; runs can differ from each other by more.",
+    "Impacting motions diverge exponentially: only statistics of them can be compared.",
 )
 
 
@@ -58,49 +55,107 @@ def caution(found: Answer) -> str:
     return CAUTION if any(one.crushing is not None for one in found.designs.values()) else ""
 
 
-def answer(found: Answer) -> Table:
-    """Return the designs, a row each, for the page; turned, for the screen."""
-    objective, unit = found.problem.objective, found.problem.objective.unit
-    rows = []
-    for title, design in found.designs.items():
-        others = besides(design.forces, objective.meaning)
-        of_ideal = others.get(next(iter(design.forces)), "RMS")
-        row: dict[str, object] = {"design": title, **_chosen(found, design.values)}
-        row |= _following(found, design) | {f"periodic orbit, {unit}": formatting.orbit(design)}
-        for start, runs in design.transient.items():
-            heading = (
-                f"{start} start after {long_window(found.problem.effort).settle} turns, {unit}"
+def headline(found: Answer) -> list[tuple[str, str, str]]:
+    """Return the three numbers of the optimum that matter most: meaning, value, and a remark.
+
+    They are what is free, the speed before all, what shakes the ground, and what a crusher crushes.
+    """
+    best, other = found.optimum, found.reference
+    if best is None or other is None:
+        return []
+    floor = {"capacity": "at the floor of the capacity"}
+    at_end = {
+        one.parameter: floor.get(one.limit, f"the {one.limit} allowed") for one in found.active
+    }
+    free = sorted(best.values, key=lambda name: name != "speed")
+    told, where = [], found.problem.compared_with
+
+    def add(meaning: str, one: float, of: float, words: Callable[[float], str]) -> None:
+        change = 100 * (one / of - 1) if of and one != of else math.nan
+        than = f"{'less' if change < 0 else 'more'} than {words(of)}"
+        more = f"{abs(change):.3g} % {than} at the {where}"
+        told.append((meaning, words(one), more if math.isfinite(change) else ""))
+
+    shakes = best.forces["shaking_rms"], other.forces["shaking_rms"]
+    add("RMS shaking force", *shakes, lambda one: quantity(one, "N"))
+    if best.crushing is not None and other.crushing is not None:
+        capacities = best.crushing.capacity, other.crushing.capacity
+        add("capacity", *capacities, lambda one: f"{one:.2f} m³/h")
+    elif found.problem.objective.name != "shaking_rms":
+        objectives, unit = (best.objective, other.objective), found.problem.objective.unit
+        add(name_of(found.problem.objective.meaning), *objectives, lambda one: quantity(one, unit))
+    units, room = found.problem.units, 3 - len(told)
+    for name in free[:room]:
+        value, _, other_unit = said(name, best.values[name], units).rstrip(")").partition(" (")
+        remark = ", ".join(filter(None, (other_unit, at_end.get(name))))
+        told.insert(free.index(name), (in_words(name), value, remark))
+    if left := free[room:]:
+        others = [
+            ", ".join(
+                filter(None, (f"{in_words(n)} {said(n, best.values[n], units)}", at_end.get(n)))
             )
-            row[heading] = formatting.interval(runs)
-        row |= {f"{meaning}, N": design.forces[name] for name, meaning in others.items()}
-        row[f"ideal joints' {of_ideal}, N"] = number(design.ideal_rms)
-        row |= _crushing(found, title, design)
-        rows.append(row | {"turns to 1/e": formatting.turns(design)})
-    name = name_of(objective.meaning)
-    caption = objective.meaning if name == objective.meaning else f"{name}: {objective.meaning}"
-    return Table.of(rows, caption=f"{caption}, {unit}")
+            for n in left
+        ]
+        many = f"{len(left)} more numbers that are free, in the table"
+        meaning, value, remark = told[room - 1]
+        more = f"with {'; '.join(others) if len(left) < 3 else many}"
+        told[room - 1] = meaning, value, "; ".join(filter(None, (remark, more)))
+    return told
 
 
-def _crushing(found: Answer, title: str, design: Confirmed) -> dict[str, str]:
-    """Return the numbers of a design as a crusher, by heading; none of another linkage."""
-    if design.crushing is None:
-        return {}
-    one = design.crushing
-    return {
-        "capacity, m³/h": f"{one.capacity:.2f}",
-        **({"capacity, t/h": f"{found.throughput[title]:.2f}"} if found.throughput else {}),
-        "stroke at the discharge, mm": number(1e3 * one.stroke),
-        "stroke, vertical over horizontal": number(one.stroke_ratio),
-    }
+def answer(found: Answer) -> Table:
+    """Return the designs side by side: numbers with units, and how the optimum changes them."""
+    columns = [_told(found, title, design) for title, design in found.designs.items()]
+    both = len(columns) == 2
+    rows = [
+        (*named, *(column[named][0] for column in columns), *([_change(*of)] if both else []))
+        for named in columns[0]
+        for of in [[column[named][1] for column in columns]]
+    ]
+    return Table(("", "unit", *found.designs, *(["change"] if both else [])), rows)
 
 
-def _following(found: Answer, design: Confirmed) -> dict[str, str]:
-    """Return the numbers of a design that follow from the free ones, by heading."""
-    units = found.problem.units
-    return {
-        f"{in_words(name)} that follows, {unit_of(name, units)[0]}": _number(name, value, units)
-        for name, value in design.follows.items()
-    }
+def _change(one: float, other: float) -> str:
+    """Return by how much the first number differs from the second one, up to tenfold."""
+    change = 100 * (one / other - 1) if other and one != other else math.nan
+    return f"{change:+.1f} %" if abs(change) < 1e3 else ""
+
+
+def _told(found: Answer, title: str, design: Confirmed) -> dict[tuple[str, str], tuple[str, float]]:
+    """Return the numbers of a design as text and as numbers, by their meaning and unit."""
+    objective, units = found.problem.objective, found.problem.units
+    told: dict[tuple[str, str], tuple[str, float]] = {}
+    for name, value in design.values.items():
+        told[in_words(name), unit_of(name, units)[0]] = _number(name, value, units), value
+    for name, value in design.follows.items():
+        meaning = f"{in_words(name)} that follows"
+        told[meaning, unit_of(name, units)[0]] = _number(name, value, units), value
+    told[objective.meaning, objective.unit] = _objective(design), design.objective
+    others = besides(design.forces, objective.meaning)
+    for name, meaning in others.items():
+        told[meaning, "N"] = as_text(design.forces[name]), design.forces[name]
+    of_ideal = others.get(next(iter(design.forces)), "RMS")
+    told[f"ideal joints' {of_ideal}", "N"] = as_text(design.ideal_rms), design.ideal_rms
+    if (one := design.crushing) is not None:
+        told["capacity", "m³/h"] = f"{one.capacity:.2f}", one.capacity
+        if found.throughput:
+            tonnes = found.throughput[title]
+            told["capacity", "t/h"] = f"{tonnes:.2f}", tonnes
+        told["stroke at the discharge", "mm"] = number(1e3 * one.stroke), one.stroke
+        ratio = number(one.stroke_ratio), one.stroke_ratio
+        told["stroke, up over across", ""] = ratio
+    return told
+
+
+def _objective(design: Confirmed) -> str:
+    """Return the objective as its orbit has it, or as the mean of the worse start's runs."""
+    if not design.counts:
+        return as_text(math.nan)
+    if design.averaged:
+        return formatting.interval(design.transient[design.worse_start])
+    if design.orbit is not None and design.orbit.objective == design.objective:
+        return formatting.orbit(design)
+    return number(design.objective)
 
 
 def load_sheet(found: Answer) -> Table | None:
@@ -223,17 +278,20 @@ def descents(found: Answer) -> Table:
 def motions(found: Answer) -> Table:
     """Return how each design moves from each start."""
     rows = [
-        (f"{title}, {start} start", _motion(runs, design))
+        (
+            f"{title}, {start} start",
+            "towards the periodic orbit, in contact"
+            if runs.settles
+            else "not known to settle; `python -m jaxcrusher regimes` names the motion",
+            formatting.turns(design),
+            formatting.interval(runs),
+        )
         for title, design in found.designs.items()
         for start, runs in design.transient.items()
     ]
-    return Table(("", "motion"), rows)
-
-
-def _motion(runs: Runs, design: Confirmed) -> str:
-    if not runs.settles or design.orbit is None:
-        return "no orbit; `python -m jaxcrusher regimes` names it"
-    return "towards the orbit, in contact"
+    problem = found.problem
+    after = f"mean after {long_window(problem.effort).settle} turns, {problem.objective.unit}"
+    return Table(("", "motion", "turns to 1/e", after), rows)
 
 
 def coexisting(found: Answer) -> Table | None:
@@ -246,22 +304,6 @@ def coexisting(found: Answer) -> Table | None:
     ]
     headings = ("", "random starts that come to it", "turns", f"objective, {unit}")
     return Table(headings, rows) if rows else None
-
-
-def runs(found: Answer, design: Confirmed) -> Table:
-    """Return every variable of every run of a design."""
-    first, *_ = design.transient.values()
-    rows = []
-    for name in first.by_run:
-        of, meaning, *_ = found.problem.columns[name]
-        columns = (one.by_run[name].tolist() for one in design.transient.values())
-        rows.append(
-            (
-                meaning if of == "1" else f"{meaning}, {of}",
-                *(", ".join(map(as_text, column)) for column in columns),
-            )
-        )
-    return Table(("of each run", *(f"{start} start" for start in design.transient)), rows)
 
 
 def box(found: Answer) -> Table:

@@ -70,7 +70,7 @@ def test_a_box_without_a_design(tmp_path, monkeypatch):
     # The design to compare with is looked at all the same, and no gap is called an interruption.
     assert answer.reference is not None and "paper&#39;s choice" in page
     assert "No design may be chosen" in page and "ended before" not in page
-    assert "pareto.png is not drawn: no point of the maps may be chosen" in page
+    assert "pareto.svg is not drawn: no point of the maps may be chosen" in page
     # Into a file a line for each stage, as it begins, and no bars.
     begun = [line for line in written.splitlines() if line.endswith(" to do")]
     assert begun[-1] == "confirmation: 6 to do"
@@ -103,8 +103,8 @@ def test_a_box_without_an_orbit(tmp_path, monkeypatch):
     )
     # Nothing has slopes that could be believed or not.
     assert not any("slopes" in check.name for check in answer.checks)
-    assert "settling.png is not drawn: no point of the map has a stable orbit of one turn" in page
-    assert not (tmp_path / "box" / "settling.png").exists()
+    assert "settling.svg is not drawn: no point of the map has a stable orbit of one turn" in page
+    assert not (tmp_path / "box" / "settling.svg").exists()
 
 
 @pytest.mark.slow

@@ -157,4 +157,4 @@ def test_a_pump_is_searched_with_map_certificate_and_report(tmp_path, monkeypatc
     assert "Run it at 62.83 rad/s (600 rpm, the lowest allowed) with joints B clearance" in text
     for word in ("capacity", "jaw ", "r_o", "crushing", "discharge"):
         assert word not in text.lower() and word not in page.split("<script")[0].lower(), word
-    assert (tmp_path / "pump" / "landscape.png").exists()
+    assert (tmp_path / "pump" / "landscape.svg").exists()

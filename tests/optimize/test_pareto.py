@@ -106,7 +106,7 @@ def test_pareto_draws_the_fronts_of_the_answer(drawn):
         np.testing.assert_array_equal(line.get_xydata(), np.transpose([[18.0, 19.0], other]))
 
 
-@pytest.mark.parametrize("shown", ["orbits", "settling", "starts"])
+@pytest.mark.parametrize("shown", ["orbits", "settling", "landscape"])
 def test_descents_are_drawn_on_the_map_of_orbits_alone(shown, kept, tmp_path):
     """The other maps show the designs, and no way to them."""
     axes = {"speed": [25.0, 30.0, 40.0], "clearance": [4e-5, 6e-5]}
@@ -135,7 +135,7 @@ def test_descents_are_drawn_on_the_map_of_orbits_alone(shown, kept, tmp_path):
     elif shown == "settling":
         figures.draw_settling(tmp_path, answer, orbits)
     else:
-        figures.draw_starts(tmp_path, answer, data)
+        figures.draw_landscape(tmp_path, answer, data)
     (legend,) = [ax.get_legend() for ax in kept[0].axes if ax.get_legend() is not None]
     texts = [text.get_text() for text in legend.get_texts()]
     assert "optimum" in texts and ("descents" in texts) == (shown == "orbits")
