@@ -29,9 +29,6 @@ from optimize.search.work import Work
 
 # Tolerance of the landscape, in clearances.
 MAP_RTOL = 1e-6
-# Designs that are looked at before all others: if none of them keeps contact, few or none has an
-# orbit that keeps it, which is what nodes solve for.
-SCOUTS = 16
 # Harmonics of the shaft's speed in a load sheet.
 ORDERS = 4
 # By how much less than the optimum the box may hold, as a share of it, unless another is asked.
@@ -50,15 +47,17 @@ def map_box(answer: Answer, work: Work) -> Answer:
         for grid in (effort.grid, effort.cells)
     )
     reference = problem.design.unit(problem.reference)
-    contact: Future[bool] = Future()  # whether any design keeps it
+    # If no design keeps contact, few or none has an orbit that keeps it, which is what nodes solve
+    # for.
+    contact: Future[bool] = Future()
 
     def explore() -> xr.Dataset:
         try:
-            contact.set_result(_scouted(problem, work, points))
+            found = _explore(problem, work, cells)
+            contact.set_result(_keeps_contact(found))
         except BaseException as error:
             contact.set_exception(error)
             raise
-        found = _explore(problem, work, cells)
         import_module("optimize.tell.figures")  # a second, while the map of orbits is computed
         return found
 
@@ -71,12 +70,9 @@ def map_box(answer: Answer, work: Work) -> Answer:
     return replace(answer, maps=maps)
 
 
-def _scouted(problem: Problem, work: Work, points: np.ndarray) -> bool:
-    """Tell whether any of some designs, evenly over the box, keeps contact from a start."""
-    some = landscape.spread(points, SCOUTS)
-    with work.stage("scouts", len(landscape.STARTS) * len(some)) as tracking:
-        rows = evaluate(problem, some, _short(problem), tracking)
-    shares = [column for name, column in rows.items() if name.endswith("contact_fraction")]
+def _keeps_contact(data: xr.Dataset) -> bool:
+    """Tell whether any design of the landscape keeps contact from a start."""
+    shares = [column for name, column in data.items() if str(name).endswith("contact_fraction")]
     return not shares or bool((np.min(shares, axis=0) >= ALL_THE_TIME).any())
 
 
@@ -90,7 +86,7 @@ def _map_orbits(
 ) -> xr.Dataset | None:
     """Map the periodic orbits of unit points; None where there are none to solve for.
 
-    That is so of scenes that cannot be solved for, and of a box in which no scout keeps contact,
+    That is so of scenes that cannot be solved for, and of a box in which no design keeps contact,
     unless another design has an orbit by nodes all the same.
     """
     if orbits.unsolvable(problem):

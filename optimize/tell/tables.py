@@ -20,7 +20,6 @@ from optimize.tell.words import shown
 # Names of the stages and of the ways of descent.
 STAGES = {
     "orbits": "map of periodic orbits",
-    "scouts": "some designs over the box",
     "landscape": "both starts over the box",
     "refinement": "descents",
     "confirmation": "long runs",

@@ -14,6 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
+from optimize.ask.case import Case
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
@@ -33,7 +34,6 @@ from optimize.answer import (
     Runs,
     Sought,
 )
-from optimize.ask.case import Case
 from optimize.ask.design import Design
 from optimize.ask.objectives import OBJECTIVES
 from optimize.search import stages

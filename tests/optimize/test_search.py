@@ -1237,7 +1237,7 @@ def test_orbits_are_mapped_where_there_may_be_some(monkeypatch, seats, found, co
     assert calls == asked and (mapped is not None) == (asked[-1:] == ["all"])
 
 
-def test_scouts_lie_evenly_among_the_points():
+def test_some_points_lie_evenly_among_many():
     points = np.arange(589.0)[:, None]
     few = landscape.spread(points, 16)[:, 0]
     assert len(few) == 16 and few[0] == 0 and few[-1] == 588
