@@ -100,15 +100,15 @@ class Problem:
         found["counts"] = Column("1", meaning, bool)
         return found | {name: COLUMNS[name] for name in ("steps", "state")}
 
-    def capacity(self, units: Float[np.ndarray, "*batch n"]) -> np.ndarray:
+    def capacity(self, places: Float[np.ndarray, "*batch n"]) -> np.ndarray:
         """Crushing capacity of points of the unit box, m3/h; NaN of what crushes nothing."""
         if self.chamber is None:
-            return np.full(np.shape(units)[:-1], np.nan)
-        rows = np.reshape(units, (-1, len(self.design.names)))
+            return np.full(np.shape(places)[:-1], np.nan)
+        rows = np.reshape(places, (-1, len(self.design.names)))
         # As many at once at any time: each number of rows would be a program of its own.
         filled = np.resize(rows, (-(-len(rows) // AT_ONCE), AT_ONCE, rows.shape[1]))
         found = [np.zeros(0), *(np.asarray(_capacities(self, part)) for part in filled)]
-        return np.concatenate(found)[: len(rows)].reshape(np.shape(units)[:-1])
+        return np.concatenate(found)[: len(rows)].reshape(np.shape(places)[:-1])
 
     def reaches(self, capacity: ArrayLike) -> np.ndarray:
         """Tell whether capacities (m3/h) are at least the floor, but for rounding.
@@ -185,11 +185,11 @@ def _crushing(_: Any, scene: Scene, chamber: CrushingChamber) -> Scalar:
 
 
 @eqx.filter_jit
-def _capacities(problem: Problem, units: Float[Array | np.ndarray, "points n"]) -> Array:
+def _capacities(problem: Problem, places: Float[Array | np.ndarray, "points n"]) -> Array:
     def capacity(unit: Array | np.ndarray) -> Scalar:
         described = problem.design.whole(problem.design.description(unit))
         chamber = problem.chamber_of(described)
         assert chamber is not None
         return chamber.capacity(described["speed"])
 
-    return jax.vmap(capacity)(units)
+    return jax.vmap(capacity)(places)

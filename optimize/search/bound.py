@@ -43,30 +43,30 @@ class Points:
     def __init__(
         self,
         problem: Problem,
-        units: Float[np.ndarray, "points n"],
+        places: Float[np.ndarray, "points n"],
         rows: Rows,
         runs: Repeats,
         tracking: Tracking = NOWHERE,
     ) -> None:
         self.problem, self._runs, self._told = problem, runs, tracking.progress
         self._tracking = replace(tracking, progress=NOWHERE.progress)
-        self.begun, self.units = len(units), np.zeros((0, units.shape[1]))
-        self.values, self.least, self.slopes = np.zeros(0), np.zeros(0), np.zeros(units.shape)[:0]
+        self.begun, self.places = len(places), np.zeros((0, places.shape[1]))
+        self.values, self.least, self.slopes = np.zeros(0), np.zeros(0), np.zeros(places.shape)[:0]
         self.open: dict[int, OpenPoint] = {}  # points that runs speak for, by their number
         self.waited: set[int] = set()
-        self.add(units, rows)
+        self.add(places, rows)
 
     def __len__(self) -> int:
         """Count them."""
-        return len(self.units)
+        return len(self.places)
 
-    def add(self, units: Float[np.ndarray, "points n"], rows: Rows) -> None:
+    def add(self, places: Float[np.ndarray, "points n"], rows: Rows) -> None:
         """Join points with what `optimize.search.orbits.solve` told of them."""
-        which = np.arange(len(self), len(self) + len(units))
-        self.units = np.concatenate([self.units, units])
-        nothing = np.full(len(units), np.nan)
+        which = np.arange(len(self), len(self) + len(places))
+        self.places = np.concatenate([self.places, places])
+        nothing = np.full(len(places), np.nan)
         self.values, self.least = (np.append(old, nothing) for old in (self.values, self.least))
-        self.slopes = np.concatenate([self.slopes, np.full(units.shape, np.nan)])
+        self.slopes = np.concatenate([self.slopes, np.full(places.shape, np.nan)])
         left = self._put(which, rows)
         if left.any() and len(self.open) + left.sum() <= MOST_OPEN:
             self._run(which[left], {name: column[left] for name, column in rows.items()})
@@ -78,44 +78,44 @@ class Points:
         an orbit counts.
         """
         stable, counts = (np.asarray(rows[name], bool) for name in ("stable", "counts"))
-        open_ = ~stable & self.problem.reaches(self.problem.capacity(self.units[which]))
+        open_ = ~stable & self.problem.reaches(self.problem.capacity(self.places[which]))
         known = np.asarray(rows["success"], bool) & (counts | open_)
         self.values[which] = np.where(known, rows["objective"], np.nan)
         self.slopes[which] = np.where(known[:, None], rows["slope"] * widths(self.problem), np.nan)
         self.least[which] = np.where(counts, np.inf, self.least[which])
-        for place in which[counts].tolist():
-            self.open.pop(place, None)
+        for n in which[counts].tolist():
+            self.open.pop(n, None)
         return open_
 
     def _run(self, which: Int[np.ndarray, " some"], rows: Rows) -> None:
         """Let runs from both starts speak for points."""
-        runs = long_runs(self.problem, self.units[which], self._runs, self._tracking)
-        for i, (place, row) in enumerate(zip(which.tolist(), runs, strict=True)):
+        runs = long_runs(self.problem, self.places[which], self._runs, self._tracking)
+        for i, (n, row) in enumerate(zip(which.tolist(), runs, strict=True)):
             least = _least(row["objective"], self.problem.objective.lowest)
-            values = self.problem.design.numbers(self.units[place])
-            self.open[place] = OpenPoint(values, _motion(rows, i), least, place)
-            self.least[place] = least
+            values = self.problem.design.numbers(self.places[n])
+            self.open[n] = OpenPoint(values, _motion(rows, i), least, n)
+            self.least[n] = least
 
     def at(self, cells: Cells) -> Int[np.ndarray, "cells corners"]:
         """Return the numbers of the points at corners, which are solved for where they are new."""
         corners = cells.corners
         places = corners.reshape(-1, corners.shape[2])
-        apart, at = scipy.spatial.KDTree(self.units).query(places)
+        apart, at = scipy.spatial.KDTree(self.places).query(places)
         if (apart > SAME).any():
             new = np.unique(np.round(places[apart > SAME], 12), axis=0)
             self.add(new, solve(self.problem, new, quick=True, tracking=self._tracking))
             self._told(len(self) - self.begun, MOST)
-            at = scipy.spatial.KDTree(self.units).query(places)[1]
+            at = scipy.spatial.KDTree(self.places).query(places)[1]
         return np.reshape(at, corners.shape[:2])
 
     def wait(self, which: Int[np.ndarray, " some"]) -> None:
         """Wait for the orbits of points for as long as it takes, and name what has none."""
         self.waited |= {*which.tolist()}
-        rows = solve(self.problem, self.units[which], alone, tracking=self._tracking)
+        rows = solve(self.problem, self.places[which], alone, tracking=self._tracking)
         self._put(which, rows)
-        for i, place in enumerate(which.tolist()):
-            if place in self.open:
-                self.open[place] = replace(self.open[place], motion=_motion(rows, i))
+        for i, n in enumerate(which.tolist()):
+            if n in self.open:
+                self.open[n] = replace(self.open[n], motion=_motion(rows, i))
 
     def lowest(
         self, cells: Cells, at: Int[np.ndarray, "cells corners"]

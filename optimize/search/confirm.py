@@ -52,7 +52,7 @@ class Repeats:
 
 
 def long_runs(
-    problem: Problem, units: np.ndarray, repeats: Repeats, tracking: Tracking = NOWHERE
+    problem: Problem, places: np.ndarray, repeats: Repeats, tracking: Tracking = NOWHERE
 ) -> list[Rows]:
     """Run points (m, n) of the unit box for long, several times from each start.
 
@@ -60,16 +60,16 @@ def long_runs(
     shape (starts, runs, ...) for each point.
     """
     rng, runs = np.random.default_rng(repeats.seed), repeats.runs
-    shifts = rng.uniform(-SHIFT, SHIFT, (len(units), runs, 2))
+    shifts = rng.uniform(-SHIFT, SHIFT, (len(places), runs, 2))
     shifts[:, 0] = 0
-    points = np.repeat(units, runs, axis=0)
+    points = np.repeat(places, runs, axis=0)
     moves = shifts.reshape(-1, 2)
     whole = evaluate(problem, points, repeats.window, tracking, shifts=moves, chunk=64)
     grouped = {
-        name: values.reshape(len(STARTS), len(units), runs, *values.shape[2:])
+        name: values.reshape(len(STARTS), len(places), runs, *values.shape[2:])
         for name, values in whole.items()
     }
-    return [{name: values[:, i] for name, values in grouped.items()} for i in range(len(units))]
+    return [{name: values[:, i] for name, values in grouped.items()} for i in range(len(places))]
 
 
 def confirmed(

@@ -63,14 +63,14 @@ class Window:
 
 def evaluate(
     problem: Problem,
-    units: Float[np.ndarray, "points n"],
+    places: Float[np.ndarray, "points n"],
     window: Window,
     tracking: Tracking = NOWHERE,
     *,
     shifts: Float[np.ndarray, "points 2"] | None = None,
     chunk: int = 128,
 ) -> Rows:
-    """Return the statistics of unit points from both starts.
+    """Return the statistics of places of the unit box from both starts.
 
     `shifts` moves the starts by so many clearances, and `chunk` is how many motions are integrated
     between two reports of progress, on a GPU more. Rows have the shape (starts, points): the
@@ -78,17 +78,17 @@ def evaluate(
     the design may be chosen (see `constraints.of_runs`), and the `state` at the end,
     (starts, points, dims), to go on from.
     """
-    moves = np.zeros((len(units), 2)) if shifts is None else shifts
-    points = jnp.asarray(units)
-    batch = stacked_scenes(problem, points, jnp.asarray(moves)), np.tile(points, (len(STARTS), 1))
+    moves = np.zeros((len(places), 2)) if shifts is None else shifts
+    points = jnp.asarray(places)
+    batch = stacked_scenes(problem, points, jnp.asarray(moves)), np.tile(places, (len(STARTS), 1))
     function = eqx.Partial(_row, problem=problem, window=window)
-    at_once = chunk_of(len(STARTS) * len(units), usual=chunk)
+    at_once = chunk_of(len(STARTS) * len(places), usual=chunk)
     found = tracking.run(function, batch, at_once)
     rows = {
-        name: column.reshape(len(STARTS), len(units), *column.shape[1:])
+        name: column.reshape(len(STARTS), len(places), *column.shape[1:])
         for name, column in found.items()
     }
-    return rows | {"counts": constraints.of_runs(problem, rows, problem.capacity(units))}
+    return rows | {"counts": constraints.of_runs(problem, rows, problem.capacity(places))}
 
 
 def judged(rows: Found) -> np.ndarray:
@@ -117,14 +117,14 @@ _shifted = eqx.filter_jit(shifted_start)  # one program in place of a hundred
 
 @eqx.filter_jit
 def stacked_scenes(
-    problem: Problem, units: Float[Array, "points n"], shifts: Float[Array, "points 2"]
+    problem: Problem, places: Float[Array, "points n"], shifts: Float[Array, "points 2"]
 ) -> Scene:
     """The scenes of all points from one start, then from the other, stacked."""
 
     def one(unit: Array, shift: Array, start: str) -> Scene:
         return started(problem.design, problem.design.values(unit), start, shift)
 
-    parts = [jax.vmap(eqx.Partial(one, start=start))(units, shifts) for start in STARTS]
+    parts = [jax.vmap(eqx.Partial(one, start=start))(places, shifts) for start in STARTS]
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 

@@ -18,11 +18,11 @@ NO_GAIN = 1e-6
 
 
 def fronts(
-    problem: Problem, optimum: Confirmed, units: np.ndarray, orbits: xr.Dataset, steps: int
+    problem: Problem, optimum: Confirmed, places: np.ndarray, orbits: xr.Dataset, steps: int
 ) -> tuple[Front, ...]:
     """Return the fronts against the capacity of a crusher, and against the rival of the problem.
 
-    `units` are the points of the map `orbits`, of which one counts at least; where none of them
+    `places` are the points of the map `orbits`, of which one counts at least; where none of them
     gains anything in the other number, the optimum is all there is.
     """
 
@@ -41,13 +41,13 @@ def fronts(
     here, there = float(optimum.orbit.solution[statistic]), orbits[statistic].to_numpy().ravel()
     against = [((statistic, rival.unit, rival.meaning), 1, here, there)]
     if optimum.crushing is not None:
-        sizes = optimum.crushing.capacity, problem.capacity(units)
+        sizes = optimum.crushing.capacity, problem.capacity(places)
         against.insert(0, (("capacity", "m3/h", "capacity"), -1, *sizes))
     for of, sign, here, there in against:
         costs = np.where(counts, sign * there, np.nan)
         points, rows = least[None], [[optimum.orbit.objective], [here]]
         if sign * here - np.nanmin(costs) > NO_GAIN * abs(here):
-            best, number = units[int(np.nanargmin(costs))], known[of[0]]
+            best, number = places[int(np.nanargmin(costs))], known[of[0]]
             small = number if sign > 0 else negative(number)
             points = front(known["objective"], small, least, best, down)
             rows = [[f(point)[0] for point in points] for f in (known["objective"], number)]

@@ -27,36 +27,36 @@ def points(design: Design, grid: tuple[int, int], samples: int, seed: int) -> np
     return np.stack([axis.ravel() for axis in np.meshgrid(*axes, indexing="ij")], axis=-1)
 
 
-def spread(units: Float[np.ndarray, "points n"], count: int) -> Float[np.ndarray, "some n"]:
+def spread(places: Float[np.ndarray, "points n"], count: int) -> Float[np.ndarray, "some n"]:
     """Return some of many points, evenly among them: `count`, or all if there are fewer."""
-    places = np.linspace(0, len(units) - 1, min(count, len(units))).round().astype(int)
-    return units[places]
+    which = np.linspace(0, len(places) - 1, min(count, len(places))).round().astype(int)
+    return places[which]
 
 
 def dataset(
-    problem: Problem, units: Float[np.ndarray, "points n"], grid: tuple[int, int], rows: Rows
+    problem: Problem, places: Float[np.ndarray, "points n"], grid: tuple[int, int], rows: Rows
 ) -> xr.Dataset:
     """Return rows of shape (starts, points, ...) as a labelled landscape.
 
     Dims are `start` and the parameters of a grid, or `sample`. Columns as in `jaxcrusher.sweep`,
     with `objective`, `counts`, `steps` and the `state` at the end.
     """
-    return labelled(problem.design, units, grid, rows, problem.columns, {"start": list(STARTS)})
+    return labelled(problem.design, places, grid, rows, problem.columns, {"start": list(STARTS)})
 
 
 def labelled(
     design: Design,
-    units: Float[np.ndarray, "points n"],
+    places: Float[np.ndarray, "points n"],
     grid: tuple[int, int],
     rows: Rows,
     columns: Mapping[str, Column],
     first: Mapping[str, Sequence[str]] | None = None,
 ) -> xr.Dataset:
-    """Return the table of unit points, whose dims become the grid's, or `sample`.
+    """Return the table of places of the unit box, whose dims become the grid's, or `sample`.
 
     `first` is a dim before the points', with its labels.
     """
-    values = design.values(units)
+    values = design.values(places)
     known = {**NUMBERS, **design.machine.numbers}
     labels = {
         name: {"units": known[name].unit, "long_name": known[name].meaning} for name in design.names
@@ -64,7 +64,7 @@ def labelled(
     coordinates: dict = dict(first or {})
     if len(design.names) > GRID_DIMENSIONS:
         dims: tuple[str, ...] = ("sample",)
-        sizes = [len(units)]
+        sizes = [len(places)]
         coordinates |= {name: ("sample", v, labels[name]) for name, v in values.items()}
     else:
         dims = design.names
@@ -99,7 +99,7 @@ def worst(landscape: xr.Dataset) -> xr.DataArray:
 
 def counting(
     landscape: xr.Dataset,
-    units: Float[np.ndarray, "cells n"],
+    places: Float[np.ndarray, "cells n"],
     points: Float[np.ndarray, "points n"],
 ) -> np.ndarray:
     """Whether both starts end well in the cell of the landscape nearest to each of `points`.
@@ -107,10 +107,10 @@ def counting(
     Constraints are asked of their orbits, not of what starts do on the way there.
     """
     well = end_well(landscape).all(axis=0).ravel()
-    return well[scipy.spatial.KDTree(units).query(points)[1]]
+    return well[scipy.spatial.KDTree(places).query(points)[1]]
 
 
-def best_points(values: np.ndarray, units: np.ndarray, count: int) -> np.ndarray:
-    """Return the `units` (points, n) of the least `values` (points,), best first; NaN never."""
+def best_points(values: np.ndarray, places: np.ndarray, count: int) -> np.ndarray:
+    """Return the `places` (points, n) of the least `values` (points,), best first; NaN never."""
     order = np.argsort(values, kind="stable")  # NaN comes last
-    return units[order[np.isfinite(values[order])][:count]]
+    return places[order[np.isfinite(values[order])][:count]]

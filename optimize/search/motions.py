@@ -28,25 +28,25 @@ COLUMNS = {
 }
 
 
-def turns(problem: Problem, units: Float[np.ndarray, "points n"], rows: Rows) -> Rows:
-    """Return `COLUMNS` of unit points, as 32-bit floats, from the nodes of their orbits.
+def turns(problem: Problem, places: Float[np.ndarray, "points n"], rows: Rows) -> Rows:
+    """Return `COLUMNS` of places of the unit box, as 32-bit floats, from the nodes of their orbits.
 
     **Arguments:**
 
     - `problem`: what the orbits are of.
-    - `units`: the points of the unit box.
+    - `places`: the points of the unit box.
     - `rows`: of `optimize.search.orbits.solve`, with `eccentricity` and `success`.
 
     The columns are NaN where there is no orbit, but for those of ideal joints.
     """
     nodes = np.where(rows["success"][:, None, None], rows["eccentricity"], np.nan)
-    found = _turns(problem, jnp.asarray(units), jnp.asarray(nodes))
+    found = _turns(problem, jnp.asarray(places), jnp.asarray(nodes))
     return {name: np.asarray(column, np.float32) for name, column in found.items()}
 
 
 @eqx.filter_jit
 def _turns(
-    problem: Problem, units: Float[Array, "points n"], nodes: Float[Array, "points nodes dims"]
+    problem: Problem, places: Float[Array, "points n"], nodes: Float[Array, "points nodes dims"]
 ) -> dict[str, Array]:
     name = leading_force(problem.scene)
     phases = jnp.asarray(2 * np.pi / INSTANTS * np.arange(INSTANTS))
@@ -67,7 +67,7 @@ def _turns(
             "ideal_objective": _objective(problem, ideal),
         }
 
-    return jax.vmap(turn)(units, nodes)
+    return jax.vmap(turn)(places, nodes)
 
 
 def _objective(problem: Problem, ideal: PeriodicOrbit) -> Scalar:

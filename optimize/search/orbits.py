@@ -47,24 +47,25 @@ def unsolvable(problem: Problem) -> str:
 
 def solve(
     problem: Problem,
-    units: Float[np.ndarray, "points n"],
+    places: Float[np.ndarray, "points n"],
     neighbours: Callable[[int], list[int]] | None = None,
     *,
     sections: Float[np.ndarray, "points states"] | None = None,
     quick: bool = False,
     tracking: Tracking = NOWHERE,
 ) -> Rows:
-    """Solve for the orbits of unit points, as `jaxcrusher.dynamics.many_orbits.solve_orbits` does.
+    """Solve for the orbits of places of the unit box.
 
-    Without `neighbours` of a point each is only tried from the pin at rest in its bore, and by
-    shooting where `sections` has a guess. Rows of shape (points,) hold `objective` and `counts`
-    (see `constraints.of_orbits`) besides; `slope` is that of the objective per unit of each free
-    parameter, (points, n). `numbers` are those of `Problem.numbers`, with their `slopes` by the
-    axes of the unit box, (points, numbers, n).
+    It is done as by `jaxcrusher.dynamics.many_orbits.solve_orbits`. Without `neighbours` of a point
+    each is only tried from the pin at rest in its bore, and by shooting where `sections` has a
+    guess. Rows of shape (points,) hold `objective` and `counts` (see `constraints.of_orbits`)
+    besides; `slope` is that of the objective per unit of each free parameter, (points, n).
+    `numbers` are those of `Problem.numbers`, with their `slopes` by the axes of the unit box,
+    (points, numbers, n).
     """
     rows = solve_orbits(
         _sought(problem),
-        (units, {}),
+        (places, {}),
         (NODES, 2 * NODES),
         neighbours,
         sections=sections,
@@ -76,20 +77,20 @@ def solve(
     rows["objective"] = known["objective"]
     rows["slope"] = rows["slopes"][:, 0] / widths(problem)
     rows["counts"] = constraints.of_orbits(
-        problem, rows, known.get("capacity", np.zeros(len(units)))
+        problem, rows, known.get("capacity", np.zeros(len(places)))
     )
     return rows
 
 
-def values_and_slopes(problem: Problem, units: Float[np.ndarray, "*batch n"]) -> Numbers:
+def values_and_slopes(problem: Problem, places: Float[np.ndarray, "*batch n"]) -> Numbers:
     """Return the `Problem.numbers` of points of the unit box, with slopes by the box's axes.
 
     Values, (*batch), are NaN where `constraints.solved` leaves the orbit out.
     """
-    rows = solve(problem, np.reshape(units, (-1, np.shape(units)[-1])))
+    rows = solve(problem, np.reshape(places, (-1, np.shape(places)[-1])))
     values = np.where(constraints.solved(problem, rows)[:, None], rows["numbers"], np.nan)
     return {
-        name: (values[:, i].reshape(units.shape[:-1]), rows["slopes"][:, i].reshape(units.shape))
+        name: (values[:, i].reshape(places.shape[:-1]), rows["slopes"][:, i].reshape(places.shape))
         for i, name in enumerate(problem.numbers)
     }
 
@@ -140,7 +141,7 @@ def _number(
 
 def solve_map(
     problem: Problem,
-    units: Float[np.ndarray, "points n"],
+    places: Float[np.ndarray, "points n"],
     cells: tuple[int, int],
     keeps_contact: Callable[[], bool] = lambda: True,
     tracking: Tracking = NOWHERE,
@@ -153,16 +154,16 @@ def solve_map(
     """
     if unknowns(problem.scene) > 2 and not keeps_contact():
         return None
-    some = solve(problem, spread(units, CHUNK), quick=True)
+    some = solve(problem, spread(places, CHUNK), quick=True)
     if not some["success"].any() and not keeps_contact():
         return None
-    rows, motions = solve(problem, units, quick=True, tracking=tracking), ()
+    rows, motions = solve(problem, places, quick=True, tracking=tracking), ()
     if not rows["counts"].any():
         count = len(problem.design.names)
         # The points of a sequence lie too far apart to help each other.
         near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
-        rows, motions = solve(problem, units, near, tracking=tracking), MOTION
-    rows |= drawn.turns(problem, units, rows)
+        rows, motions = solve(problem, places, near, tracking=tracking), MOTION
+    rows |= drawn.turns(problem, places, rows)
     of = problem.objective
     columns = columns_of(problem.scene.statistics, problem.told) | drawn.COLUMNS
     columns |= {name: COLUMNS[name] for name in (*KEPT, *VERDICTS, "failure", "found", *motions)}
@@ -172,7 +173,7 @@ def solve_map(
     columns["slope"] = Column(of.unit, meaning, dims=("parameter",))
     meaning = "may be chosen: a motion inside the constraints that is not known to be unstable"
     columns["counts"] = Column("1", meaning, bool)
-    return labelled(problem.design, units, cells, rows, columns)
+    return labelled(problem.design, places, cells, rows, columns)
 
 
 def widths(problem: Problem) -> Float[np.ndarray, " n"]:
@@ -193,8 +194,8 @@ def orbit_of(problem: Problem, unit: Float[np.ndarray, " n"]) -> Orbit | None:
     scene = problem.design.build(described)
     solution = jc.periodic_orbit(scene, effort="thorough")
     offsets = BESIDE * np.eye(len(unit))
-    units = np.concatenate([unit[None], unit + offsets, unit - offsets])
-    rows = solve(problem, units, sections=np.tile(solution.section, (len(units), 1)))
+    places = np.concatenate([unit[None], unit + offsets, unit - offsets])
+    rows = solve(problem, places, sections=np.tile(solution.section, (len(places), 1)))
     above, below = np.split(rows["objective"][1:], 2)
     slopes, names = rows["slope"][0], problem.design.names
     apart = np.abs((above - below) / (2 * BESIDE * widths(problem)) - slopes)

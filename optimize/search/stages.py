@@ -84,7 +84,7 @@ def _short(problem: Problem) -> Window:
 def _map_orbits(
     problem: Problem, work: Work, points: np.ndarray, contact: Future[bool]
 ) -> xr.Dataset | None:
-    """Map the periodic orbits of unit points; None where there are none to solve for.
+    """Map the periodic orbits of places of the unit box; None where there are none to solve for.
 
     That is so of scenes that cannot be solved for, and of a box in which no design keeps contact,
     unless another design has an orbit by nodes all the same.
@@ -101,7 +101,7 @@ def _map_orbits(
 
 
 def _explore(problem: Problem, work: Work, cells: np.ndarray) -> xr.Dataset:
-    """Integrate unit points from both starts; return the landscape, which is also written."""
+    """Integrate places from both starts; return the landscape, which is also written."""
     window, count = _short(problem), len(landscape.STARTS) * len(cells)
     with work.stage("landscape", count) as tracking:
         rows = evaluate(problem, cells, window, tracking)
@@ -195,11 +195,11 @@ def _by_fits(problem: Problem, starts: np.ndarray, work: Work, tracking: Trackin
     """Descend by fits to runs from random starts, in lock-step."""
     steps = []
 
-    def objective(units: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    def objective(places: np.ndarray, numbers: np.ndarray) -> np.ndarray:
         """Return values (m,) of points (m, n), each start shifted as its number says."""
         draws = [np.random.default_rng(number) for number in numbers]
         shifts = np.stack([rng.uniform(-SHIFT, SHIFT, 2) for rng in draws])
-        rows = evaluate(problem, units, _short(problem), shifts=shifts)
+        rows = evaluate(problem, places, _short(problem), shifts=shifts)
         steps.append(rows["steps"].sum())
         return judged(rows)
 
