@@ -45,6 +45,7 @@ from optimize.search.front import nondominated
 from optimize.tell import checks as verdicts
 from optimize.tell import words as formatting
 from tests.optimize.by_hand import (
+    maps_of,
     no_orbit,
     orbit_by_hand,
     printed,
@@ -313,7 +314,7 @@ def map_of_the_bowl(problem) -> Maps:
     )
     success, cells = np.ones((2, 2), bool), ("start", "cell")
     begun = xr.Dataset({"success": (cells, success), "whirl": (cells, ~success)})
-    return Maps(np.array([[0.0, 0.0], [1.0, 1.0]]), begun, xr.Dataset(), units, orbits)
+    return Maps(np.array([[0.0, 0.0], [1.0, 1.0]]), begun, units, orbits)
 
 
 def test_the_bound_is_of_the_optimum_that_is_reported(monkeypatch, tmp_path):
@@ -714,13 +715,8 @@ def test_a_design_is_judged_by_the_worst_that_random_starts_come_to(finished):
     assert not stages.by_worst_orbit(problem, uncounted, (loud,)).counts
 
 
-def maps_of(points: np.ndarray, orbits: xr.Dataset) -> Maps:
-    """Return maps of orbits alone."""
-    return Maps(np.zeros((0, 2)), xr.Dataset(), xr.Dataset(), points, orbits)
-
-
 def test_a_map_of_a_machine_without_orbits_has_none_that_count():
-    alone = replace(maps_of(np.zeros((0, 2)), xr.Dataset()), orbits=None)
+    alone = maps_of(np.zeros((0, 2)), None)
     assert alone.counting_orbits is None and alone.stable_orbits is None
 
 
@@ -1269,10 +1265,8 @@ def test_what_is_not_known_to_be_stable_is_not_unstable(monkeypatch, undecided):
     value, _ = periodic.numbers(problem)["objective"](np.full(2, 0.5))
     assert np.isfinite(value) == undecided
     assert of_orbits(problem, rows, problem.capacity(np.full((1, 2), 0.5))).tolist() == [undecided]
-    nothing = np.zeros((0, 2)), xr.Dataset(), xr.Dataset(), np.zeros((1, 2))
-    mapped = Maps(
-        *nothing, xr.Dataset({name: ("design", rows[name]) for name in ("stable", "undecided")})
-    )
+    known = {name: ("design", rows[name]) for name in ("stable", "undecided")}
+    mapped = maps_of(np.zeros((1, 2)), xr.Dataset(known))
     assert mapped.stable_orbits == undecided
     known = dict(found=True, objective=2.0, stable=False, undecided=undecided)
     one = SimpleNamespace(orbit=SimpleNamespace(**known))
