@@ -14,8 +14,7 @@ from jaxcrusher.sheets.severity import SOURCE
 from optimize.answer import Answer, Confirmed
 from optimize.search.confirm import long_window
 from optimize.tell import words as formatting
-from optimize.tell.forces import besides, name_of
-from optimize.tell.words import shown
+from optimize.tell.words import besides, name_of, shown
 
 # Names of the stages and of the ways of descent.
 STAGES = {

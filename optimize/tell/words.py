@@ -1,21 +1,35 @@
 """The numbers and sentences of an answer as text, for the console and for the page."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TypeVar
 
 import numpy as np
 
+from jaxcrusher.crusher.template import CALLED, STATISTIC
 from jaxcrusher.files.text import number, quantity, with_error
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import said, unit_of
 from optimize.answer import Active, Answer, Confirmed, Runs
 from optimize.search.confirm import long_window
-from optimize.tell.forces import besides, name_of, opposed
 
 # A number this near a bound of its box, as a share, is at it: rounding.
 AT_END = 1e-12
+# A force that changes by less than this share of itself neither falls nor rises.
+UNCHANGED = 1e-3
+
+
+def name_of(meaning: str) -> str:
+    """Return what a sentence calls a quantity of this meaning."""
+    known = {STATISTIC[force].meaning: name for force, name in CALLED.items()}
+    return known.get(meaning, meaning)
+
+
+def besides(forces: Iterable[str], *told: str) -> dict[str, str]:
+    """Return the names and meanings of forces, less the meanings that are `told` already."""
+    meanings = {name: STATISTIC[name].meaning for name in forces}
+    return {name: meaning for name, meaning in meanings.items() if meaning not in told}
 
 
 def interval(runs: Runs) -> str:
@@ -149,10 +163,20 @@ def _with_bound(said: str, limit: str | None) -> str:
 
 def trade(found: Answer) -> str:
     """Say that one force falls and the other rises, from the design compared with, or nothing."""
-    before, after = found.reference, found.optimum
-    if before is None or after is None or not (before.counts and after.counts):
+    old, new = found.reference, found.optimum
+    if old is None or new is None or not (old.counts and new.counts):
         return ""
-    return opposed(before.forces, after.forces, found.problem.compared_with)
+    change = {name: new.forces[name] / old.forces[name] - 1 for name in old.forces}
+    falls, rises = min(change, key=lambda n: change[n]), max(change, key=lambda n: change[n])
+    if not change[falls] < -UNCHANGED < UNCHANGED < change[rises]:
+        return ""
+    called = CALLED | {"shaking_rms": f"{CALLED['shaking_rms']}, which the ground feels,"}
+    return (
+        f"Against the {found.problem.compared_with} the {called[falls]} falls by "
+        f"{-100 * change[falls]:.3g} %, but the {called[rises]} rises by "
+        f"{100 * change[rises]:.3g} %, from {quantity(old.forces[rises], 'N')} to "
+        f"{quantity(new.forces[rises], 'N')}."
+    )
 
 
 def _unconfirmed(found: Answer) -> str:

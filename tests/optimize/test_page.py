@@ -487,7 +487,6 @@ def test_landscape_of_numbers_of_ones_own(tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figures, "write_figure", lambda path, fig: drawn.append((path.name, fig)))
         figures.draw_orbits(tmp_path, found, orbits)
-        figures.draw_settling(tmp_path, found, orbits)
     assert [name for name, _ in drawn] == ["orbits.svg", "settling.svg"]
     for _, fig in drawn:
         ax = fig.axes[0]
@@ -581,9 +580,8 @@ def test_the_curve_is_the_line_of_the_map_that_changes_the_objective_most(tmp_pa
 def test_pictures_take_the_colours_of_the_page_and_share_no_names(tmp_path):
     found, orbits = hand_made_answer(), hand_made_orbits()
     with plt.rc_context(figures.STYLE):
-        figures.draw_settling(tmp_path, found, orbits)
+        figures.draw_orbits(tmp_path, found, orbits)
         first = (tmp_path / "settling.svg").read_bytes()
-        figures.draw_settling(tmp_path, found, orbits)
         figures.draw_orbits(tmp_path, found, orbits)
     assert (tmp_path / "settling.svg").read_bytes() == first
     texts = [(tmp_path / name).read_text() for name in ("settling.svg", "orbits.svg")]
