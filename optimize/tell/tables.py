@@ -198,29 +198,18 @@ def _carried(row: Row) -> str:
     return f"{number(row.value)}{phase}{remark}"
 
 
-def checks(found: Answer) -> Table:
-    """Return the checks with their verdicts."""
-    rows = [(check.name, check.verdict, check.detail) for check in found.checks]
-    return Table(("check", "verdict", "detail"), rows)
-
-
 def slopes(found: Answer) -> Table | None:
     """Return the slopes at the optimum, in the units of the tables; None where there are none."""
-    best, unit = found.optimum, found.problem.objective.unit
-    if best is not None and best.orbit is not None and best.settles:
-        orbit = best.orbit
-        rows = []
-        for name, slope in orbit.slopes.items():
-            factor = unit_of(name, found.problem.units)[1]
-            row = {
-                "by": _per(found, name, unit),
-                "slope": slope * factor,
-                "differences off by": two_digits(orbit.slopes_apart[name] * factor),
-            }
-            rows.append(row)
-        about = "The slopes on the periodic orbit are exact. Differences of orbits check them."
-        return Table.of(rows, about=about)
-    return None
+    best, of = found.optimum, found.problem.objective.unit
+    if best is None or best.orbit is None or not best.settles:
+        return None
+    rows = []
+    for name, slope in best.orbit.slopes.items():
+        unit, factor = unit_of(name, found.problem.units)
+        apart = two_digits(best.orbit.slopes_apart[name] * factor)
+        rows.append((f"{in_words(name)}, {of} per {unit or '1'}", slope * factor, apart))
+    about = "The slopes on the periodic orbit are exact. Differences of orbits check them."
+    return Table(("by", "slope", "differences off by"), rows, about=about)
 
 
 def fronts(found: Answer) -> list[Table]:
@@ -334,32 +323,19 @@ def stages(found: Answer) -> Table:
 
 def fixed(found: Answer) -> Table:
     """Return the numbers and choices that were not free."""
+    design, units = found.problem.design, found.problem.units
     rows = [
-        (
-            in_words(name),
-            said(name, value, found.problem.units) if isinstance(value, float) else str(value),
-        )
-        for name, value in found.problem.design.fixed.items()
+        (in_words(name), said(name, value, units) if isinstance(value, float) else str(value))
+        for name, value in design.fixed.items()
     ]
     if found.problem.speeds is None:
         return Table(("", "value"), rows)
+    follows = next((one.follows for one in found.designs.values()), {})
     rows += [
         (in_words(name), f"{readable(name, NUMBERS[name].default)} *")
-        for name in borrowed(
-            {**found.problem.design.fixed, **found.problem.design.bounds, **_follow(found)}
-        )
+        for name in borrowed({**design.fixed, **design.bounds, **follows})
     ]
     return Table(("", "value, * of the PE250x400"), rows)
-
-
-def _follow(found: Answer) -> dict[str, float]:
-    """Return what follows from the free numbers, of any design."""
-    return next((design.follows for design in found.designs.values()), {})
-
-
-def versions(found: Answer) -> Table:
-    """Return the versions of the packages."""
-    return Table(("", "version"), list(found.versions.items()))
 
 
 def _chosen(found: Answer, values: Mapping[str, float]) -> dict[str, str]:
@@ -374,7 +350,3 @@ def _chosen(found: Answer, values: Mapping[str, float]) -> dict[str, str]:
 def _number(name: str, value: float, units: Mapping[str, str]) -> str:
     """Return a parameter as text, in the unit that it was given in."""
     return f"{shown(name, value, units):.6g}"
-
-
-def _per(found: Answer, name: str, unit: str) -> str:
-    return f"{in_words(name)}, {unit} per {unit_of(name, found.problem.units)[0] or '1'}"

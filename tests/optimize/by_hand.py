@@ -12,7 +12,7 @@ from jaxcrusher.batch.sweep import columns_of_row
 from jaxcrusher.crusher.template import STATISTIC, STATISTICS
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 from optimize.answer import Answer, Maps, Orbit
-from optimize.tell.screen import print_answer
+from optimize.tell.result import print_answer
 
 VALUES = {"foundation_rms": 8.0, "foundation_peak": 9.0, "shaking_rms": 5.0, "shaking_peak": 6.0}
 

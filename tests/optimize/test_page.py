@@ -39,7 +39,7 @@ from optimize.search.motions import INSTANTS, turns
 from optimize.tell import figures, tables
 from optimize.tell import words as formatting
 from optimize.tell.page.document import COLOURS, pack, write_page
-from optimize.tell.result_file import content
+from optimize.tell.result import content
 from tests.optimize.by_hand import maps_of, orbit_by_hand, printed, solution_by_hand
 
 SPEEDS, CLEARANCES = [25.0, 30.0, 35.0], [3e-5, 6e-5]

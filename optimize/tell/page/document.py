@@ -13,7 +13,7 @@ import xarray as xr
 from markupsafe import Markup
 
 from jaxcrusher.files.results import write_text
-from jaxcrusher.files.text import as_text, is_number
+from jaxcrusher.files.text import Table, as_text, is_number
 from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import said, unit_of
 from optimize.answer import Answer
@@ -118,7 +118,10 @@ def _tables(answer: Answer) -> dict:
         "motions": tables.motions(answer) if answer.designs else None,
         "coexisting": tables.coexisting(answer),
         "load_sheet": tables.load_sheet(answer),
-        "checks": tables.checks(answer),
+        "checks": Table(
+            ("check", "verdict", "detail"),
+            [(check.name, check.verdict, check.detail) for check in answer.checks],
+        ),
         "slopes": tables.slopes(answer),
         "fronts": tables.fronts(answer),
         "candidates": tables.candidates(answer),
@@ -126,7 +129,7 @@ def _tables(answer: Answer) -> dict:
         "box": tables.box(answer),
         "stages": tables.stages(answer),
         "fixed": tables.fixed(answer),
-        "versions": tables.versions(answer),
+        "versions": Table(("", "version"), list(answer.versions.items())),
     }
 
 
