@@ -44,7 +44,7 @@ STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
 }
 # Width and height in inches of a picture beside a table, and of a map.
-NARROW, MAP = (4.3, 2.7), (6.2, 4.3)
+NARROW, MAP = (4.3, 2.25), (6.2, 4.3)
 ABOVE: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
 # The tolerance of a motion that is drawn because its design has no orbit.
 FINE = 1e-9
@@ -246,7 +246,7 @@ def draw_capacity(folder: Path, problem: Problem) -> None:
     if math.isfinite(reached):
         label = f"floor reached at {reached:.4g} {unit}"
         ax.axvline(reached, color="0.5", linestyle=":", label=label)
-    ax.legend()
+    ax.legend(ncols=2, **ABOVE)
     write_figure(folder / "capacity.svg", fig)
 
 

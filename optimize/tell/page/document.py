@@ -26,8 +26,7 @@ from optimize.tell.words import shown
 # What the figures of a finished run show, in the order of the page.
 FIGURES = {
     "curve.svg": "The objective over the free number that changes it most, along the line of the "
-    "map next to the optimum. The dashed line is that of ideal joints; what lies between is what "
-    "the contact adds.",
+    "map next to the optimum.",
     "motion.svg": "The pin's path in its bore, and the force over two turns, of the optimum and of "
     "the design it is compared with: on the periodic orbit, or after the long run of the worse "
     "start where there is none.",
