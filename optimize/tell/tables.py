@@ -61,10 +61,7 @@ def headline(found: Answer) -> list[tuple[str, str, str]]:
     best, other = found.optimum, found.reference
     if best is None or other is None:
         return []
-    floor = {"capacity": "at the floor of the capacity"}
-    at_end = {
-        one.parameter: floor.get(one.limit, f"the {one.limit} allowed") for one in found.active
-    }
+    ends = formatting.at_bounds(found, best)
     free = sorted(best.values, key=lambda name: name != "speed")
     told, where = [], found.problem.compared_with
 
@@ -82,22 +79,21 @@ def headline(found: Answer) -> list[tuple[str, str, str]]:
     elif found.problem.objective.name != "shaking_rms":
         objectives, unit = (best.objective, other.objective), found.problem.objective.unit
         add(name_of(found.problem.objective.meaning), *objectives, lambda one: quantity(one, unit))
-    units, room = found.problem.units, 3 - len(told)
-    for name in free[:room]:
-        value, _, other_unit = said(name, best.values[name], units).rstrip(")").partition(" (")
-        remark = ", ".join(filter(None, (other_unit, at_end.get(name))))
-        told.insert(free.index(name), (in_words(name), value, remark))
-    if left := free[room:]:
-        others = [
-            ", ".join(
-                filter(None, (f"{in_words(n)} {said(n, best.values[n], units)}", at_end.get(n)))
-            )
-            for n in left
-        ]
-        many = f"{len(left)} more numbers that are free, in the table"
+    room = 3 - len(told)
+    left = []
+    for i, name in enumerate(free):
+        value, end = said(name, best.values[name], found.problem.units), ends.get(name)
+        if i >= room:
+            left.append(", ".join(filter(None, (f"{in_words(name)} {value}", end))))
+            continue
+        value, _, in_other_unit = value.rstrip(")").partition(" (")
+        told.insert(i, (in_words(name), value, ", ".join(filter(None, (in_other_unit, end)))))
+    if len(left) > 2:
+        left = [f"{len(left)} more numbers that are free, in the table"]
+    if left:
         meaning, value, remark = told[room - 1]
-        more = f"with {'; '.join(others) if len(left) < 3 else many}"
-        told[room - 1] = meaning, value, "; ".join(filter(None, (remark, more)))
+        others = f"with {'; '.join(left)}"
+        told[room - 1] = meaning, value, "; ".join(filter(None, (remark, others)))
     return told
 
 

@@ -100,16 +100,17 @@ def answer(found: Answer) -> str:
     best, other = found.optimum, found.reference
     if best is None or other is None:
         return f"No design may be chosen: {found.empty}." if found.empty else ""
-    ends = _ends(found, best)
-    rpm = [f"{best.speed * 30 / math.pi:.0f} rpm", *_at_bound(ends.get("speed"))]
-    shown = [f"{best.speed:.4g} rad/s ({', '.join(rpm)})"]
+    ends = at_bounds(found, best)
+    at_speed = f", {ends['speed']}" if "speed" in ends else ""
+    values = {"speed": f"{best.speed:.4g} rad/s ({best.speed * 30 / math.pi:.0f} rpm{at_speed})"}
     if best.crushing is not None:
-        clearance = f"{1e3 * best.crushing.clearance:.3g} mm of radial clearance"
-        shown.append(_with_bound(clearance, ends.get("clearance")))
-    shown += [
-        _with_bound(f"{in_words(name)} {said(name, value, found.problem.units)}", ends.get(name))
-        for name, value in best.values.items()
-        if name not in ("speed", "clearance")
+        values["clearance"] = f"{1e3 * best.crushing.clearance:.3g} mm of radial clearance"
+    for name, value in best.values.items():
+        told = f"{in_words(name)} {said(name, value, found.problem.units)}"
+        values.setdefault(name, told)
+    shown = [
+        f"{value} ({ends[name]})" if name in ends and name != "speed" else value
+        for name, value in values.items()
     ]
     against, reasons = [], []
     if found.maps is not None and found.maps.stable_orbits == 0:
@@ -121,7 +122,7 @@ def answer(found: Answer) -> str:
         against.append("outside the contact model")
         reasons.append(f"because of {'; '.join(beyond)}")
     place = " with ".join(filter(None, (shown[0], ", ".join(shown[1:]))))
-    if best.crushing is not None and ends.get("speed") == "lowest":
+    if best.crushing is not None and at_speed.endswith("lowest allowed"):
         place += ", if wear and rock that waits for the jaw, which are not counted, allow it"
     text = f"the best is {place}, " if against else f"Run it at {place}: "
     unit = found.problem.objective.unit
@@ -140,25 +141,16 @@ def answer(found: Answer) -> str:
     return " ".join(filter(None, (trade(found), f"{text[0].upper()}{text[1:]}.")))
 
 
-def _ends(found: Answer, best: Confirmed) -> dict[str, str]:
-    """Return at which end of its box a free number stands, of those that stand at one."""
-    ends = {}
+def at_bounds(found: Answer, best: Confirmed) -> dict[str, str]:
+    """Say where a free number stands, of those at an end of the box or at the capacity's floor."""
+    limits = {}
     for name, bounds in found.problem.design.bounds.items():
         for bound, words in zip(bounds, ("lowest", "highest"), strict=True):
             if math.isclose(best.values[name], bound, rel_tol=AT_END, abs_tol=0.0):
-                ends[name] = words
-    return ends | {one.parameter: one.limit for one in found.active}
-
-
-def _at_bound(limit: str | None) -> list[str]:
-    """Say at which end of its box a number stands, or nothing inside it."""
-    if limit == "capacity":
-        return ["where the capacity is at its floor"]
-    return [] if limit is None else [f"the {limit} allowed"]
-
-
-def _with_bound(said: str, limit: str | None) -> str:
-    return " ".join([said, *(f"({words})" for words in _at_bound(limit))])
+                limits[name] = words
+    limits |= {one.parameter: one.limit for one in found.active}
+    floor = {"capacity": "where the capacity is at its floor"}
+    return {name: floor.get(limit, f"the {limit} allowed") for name, limit in limits.items()}
 
 
 def trade(found: Answer) -> str:

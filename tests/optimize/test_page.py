@@ -258,7 +258,11 @@ def test_the_first_screen_begins_with_what_matters(page):
     other = replace(found.reference, forces={"foundation_rms": 22e3, "shaking_rms": 6270.0})
     found = replace(found, reference=other)
     assert tables.headline(found) == [
-        ("speed", "25 rad/s", "238.7 rpm, the lowest allowed; with clearance 0.06 mm"),
+        (
+            "speed",
+            "25 rad/s",
+            "238.7 rpm, the lowest allowed; with clearance 0.06 mm, the highest allowed",
+        ),
         ("RMS shaking force", "3.135 kN", "50 % less than 6.27 kN at the paper's choice"),
         ("capacity", "9.41 m³/h", "56.1 % more than 6.03 m³/h at the paper's choice"),
     ]
@@ -291,7 +295,8 @@ def test_a_linkage_is_told_by_what_is_free_and_by_its_objective():
     problem = replace(found.problem, objective=of)
     told = tables.headline(replace(found, problem=problem, optimum=one, reference=two))
     assert [value for _, value, _ in told] == ["25 rad/s", "1 kN", "2 kN"]
-    assert told[0][2] == "238.7 rpm; with clearance 0.06 mm; friction 0.05"
+    left = "clearance 0.06 mm, the highest allowed; friction 0.05"
+    assert told[0][2] == f"238.7 rpm, the lowest allowed; with {left}"
     assert told[1][2] == "" and told[2][2] == "50 % less than 4 kN at the paper's choice"
 
 
