@@ -1,7 +1,6 @@
 """The answer of a search; a stage that did not come leaves None or nothing in its place.
 
-Numbers are in SI units, objectives in their own. `optimize.tell.result_file` makes result.json of
-it.
+Numbers are in SI units, objectives in their own. `optimize.tell.result` makes result.json of it.
 """
 
 from collections.abc import Mapping

@@ -21,9 +21,9 @@ from optimize.ask.problem import Problem
 from optimize.ask.resolve import resolve, tell
 from optimize.search.stages import STAGES
 from optimize.search.work import Stopped, Work
-from optimize.tell import result_file, screen
 from optimize.tell.checks import judge
 from optimize.tell.page.document import write_page
+from optimize.tell.result import content, print_answer
 
 if TYPE_CHECKING:
     import distributed
@@ -78,12 +78,12 @@ def _answered(
             raise
         finally:
             answer = replace(answer, seconds=work.seconds, steps=work.steps)
-            write_json(folder / "result.json", result_file.content(answer))
+            write_json(folder / "result.json", content(answer))
             if not answer.finished:
                 write_page(folder, answer, ())
     if answer.finished:
         journal.discard()
-    screen.print_answer(console, answer)
+    print_answer(console, answer)
     console.print(f"results in {folder}/")
     return answer
 

@@ -95,12 +95,6 @@ class Table:
         headings = tuple(rows[0]) if rows else ()
         return cls(headings, [tuple(row.values()) for row in rows], caption, about)
 
-    @property
-    def turned(self) -> "Table":
-        """The table with its rows as columns: any number of headings then fits a screen."""
-        headings, *rows = zip(self.headings, *self.rows, strict=True)
-        return Table(("", *headings[1:]), rows, self.caption, self.about)
-
     def printed(self) -> "Grid":
         """Return the table for a screen."""
         from rich.box import SIMPLE_HEAD

@@ -54,13 +54,15 @@ def plot_landscape(
     *,
     marks: Mapping[str, xr.DataArray] | None = None,
     units: Mapping[str, str] | None = None,
+    norm: str = "linear",
 ) -> Axes:
     """A map over two numbers of the crusher, speed and clearance or others, of a sweep's variable.
 
     `units` maps names to those that the axes have; without, rad/s, mm, degrees, GPa or SI units.
     `marks` maps names to the cells (true, or not 0) that are hatched and named in a legend; a
     cell with several marks shows the first. Cells without a number are grey; a map of nothing else
-    says so and has no colour bar. The values along an axis may come in any order.
+    says so and has no colour bar. The values along an axis may come in any order. Colours follow
+    the scale `norm`, "linear" or "log".
 
     Raises ValueError for an axis of choices or of a single value, and for more than six marks.
     """
@@ -75,10 +77,11 @@ def plot_landscape(
     landscape = landscape.sortby([across, up])
     values = landscape.transpose(up, across).to_numpy() / (1e3 if kilo else 1)
     x, y = (landscape[name].to_numpy() / unit_of(name, units or {})[1] for name in (across, up))
-    mesh = ax.pcolormesh(x, y, values, cmap="cividis", shading="nearest")
+    mesh = ax.pcolormesh(x, y, values, cmap="cividis", norm=norm, shading="nearest")
     unit = "kN" if kilo else landscape.attrs.get("units", "")
     if np.isfinite(values).any():
-        ax.figure.colorbar(mesh, ax=ax, label=f"{_name(landscape)} ({unit})")
+        label = f"{_name(landscape)} ({unit})".removesuffix(" (1)").removesuffix(" ()")
+        ax.figure.colorbar(mesh, ax=ax, label=label)
     else:
         middle = {"x": 0.5, "y": 0.5, "ha": "center", "va": "center", "bbox": {"facecolor": "w"}}
         ax.text(s="no cell has a number", transform=ax.transAxes, **middle)

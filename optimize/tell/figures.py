@@ -3,34 +3,32 @@
 import io
 import math
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 import jaxcrusher as jc
-from jaxcrusher.crusher.capacity import CrushingChamber
 from jaxcrusher.files.results import write_text
 from jaxcrusher.files.text import prefixed, quantity
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.pictures import mechanism, plots
 from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import said, unit_of
-from optimize.answer import Answer, Confirmed
+from optimize.answer import Answer, Confirmed, Front, Refinement
 from optimize.ask.constraints import may_be_stable
 from optimize.ask.problem import Problem
 from optimize.search.evaluate import started
-from optimize.search.front import nondominated
 from optimize.search.landscape import worst
 from optimize.search.orbits import unsolvable
-from optimize.tell.forces import name_of
-from optimize.tell.words import shown
+from optimize.tell.words import name_of, shown
 
 OPTIMUM = {"marker": "*", "color": "C3", "markersize": 13, "linestyle": ""}
 COMPARED = {"marker": "D", "color": "C1", "markersize": 8, "linestyle": ""}
@@ -46,22 +44,18 @@ STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
 }
 # Width and height in inches of a picture beside a table, and of a map.
-NARROW, MAP = (4.3, 2.7), (6.2, 4.3)
+NARROW, MAP = (4.3, 2.25), (6.2, 4.3)
 ABOVE: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
 # The tolerance of a motion that is drawn because its design has no orbit.
 FINE = 1e-9
 
 
+@mpl.rc_context(STYLE)
 def draw_all(folder: Path, answer: Answer) -> tuple[list[str], dict[str, str]]:
     """Draw every figure that the design's parameters allow and that has something to show.
 
     Returns the names of the files, and why others were left out, by name.
     """
-    with plt.rc_context(STYLE):
-        return _draw_all(folder, answer)
-
-
-def _draw_all(folder: Path, answer: Answer) -> tuple[list[str], dict[str, str]]:
     problem, maps = answer.problem, answer.maps
     assert maps is not None
     drawn, omitted = ["motion.svg"], {}
@@ -80,7 +74,6 @@ def _draw_all(folder: Path, answer: Answer) -> tuple[list[str], dict[str, str]]:
             drawn.append("curve.svg")
         if free == 2:
             draw_orbits(folder, answer, orbits)
-            draw_settling(folder, answer, orbits)
             drawn += ["orbits.svg", "settling.svg"]
     else:
         omitted["curve.svg"] = f"the map has no lines, because {free} numbers are free"
@@ -88,26 +81,31 @@ def _draw_all(folder: Path, answer: Answer) -> tuple[list[str], dict[str, str]]:
         draw_landscape(folder, answer, maps.landscape)
         drawn.append("landscape.svg")
     if "speed" in problem.design.names and problem.chamber is not None:
-        draw_capacity(folder, problem.chamber, problem)
+        draw_capacity(folder, problem)
         drawn.append("capacity.svg")
-    if answer.fronts and all(len(front.objective) == 1 for front in answer.fronts):
-        higher = "" if problem.chamber is None else "a higher capacity than the optimum, nor "
-        omitted["pareto.svg"] = (
-            f"nothing has to be traded, because no point of the map has {higher}a lower "
-            f"{name_of(problem.rival.meaning)}{'' if higher else ' than the optimum'}"
-        )
-    elif maps.counting_orbits is not None:
-        draw_pareto(folder, answer, maps.points, maps.counting_orbits)
-        drawn.append("pareto.svg")
-    elif maps.landscape.counts.all("start").any():
-        draw_pareto(folder, answer, maps.cells, maps.landscape)
+    if any(len(front.objective) > 1 for front in answer.fronts):
+        draw_fronts(folder, answer)
         drawn.append("pareto.svg")
     else:
-        omitted["pareto.svg"] = "no point of the maps may be chosen"
+        omitted["pareto.svg"] = _no_front(answer)
     if best is not None and problem.chamber is not None:
         draw_bearings(folder, problem, best)
         drawn.append("bearings.svg")
     return drawn, omitted
+
+
+def _no_front(answer: Answer) -> str:
+    """Say why nothing has to be traded, or why that is not known."""
+    problem, maps = answer.problem, answer.maps
+    if answer.fronts:
+        higher = "" if problem.chamber is None else "a higher capacity than the optimum, nor "
+        return (
+            f"nothing has to be traded, because no point of the map has {higher}a lower "
+            f"{name_of(problem.rival.meaning)}{'' if higher else ' than the optimum'}"
+        )
+    if maps is None or maps.counting_orbits is None or answer.optimum is None:
+        return "there is no periodic orbit that may be chosen"
+    return "the optimum is not known to come to its periodic orbit"
 
 
 def write_figure(path: Path, figure: Figure) -> None:
@@ -179,63 +177,43 @@ def draw_curve(folder: Path, answer: Answer, best: Confirmed, orbits: xr.Dataset
 
 
 def draw_orbits(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
-    """Draw the map of the objective on periodic orbits, with descents and designs."""
-    fig, ax = plt.subplots(figsize=MAP, layout="constrained")
-    stable = _looks_stable(orbits)
-    plots.plot_landscape(orbits.objective.where(stable), ax, units=answer.problem.units)
-    _mark(ax, answer, descents=True, open_cells=not bool(stable.all()))
-    write_figure(folder / "orbits.svg", fig)
-
-
-def draw_settling(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
-    """Draw the map of the turns in which a disturbance of the orbit falls to 1/e."""
-    fig, ax = plt.subplots(figsize=MAP, layout="constrained")
-    stable = _looks_stable(orbits)
-    turns, units = orbits.settling_turns.where(stable), answer.problem.units
-    across, up = plots.axes_of(turns.dims)
-    mesh = ax.pcolormesh(
-        shown(across, orbits[across].to_numpy(), units),
-        shown(up, orbits[up].to_numpy(), units),
-        turns.transpose(up, across),
-        cmap="viridis",
-        norm="log",
-        shading="nearest",
-    )
-    fig.colorbar(mesh, ax=ax, label="turns in which a disturbance falls to 1/e")
-    plots.label_axes(ax, across, up, units)
-    _mark(ax, answer, open_cells=not bool(stable.all()))
-    write_figure(folder / "settling.svg", fig)
-
-
-def _looks_stable(orbits: xr.Dataset) -> xr.DataArray:
-    """Tell where disturbances die, or die within what the nodes leave in doubt."""
-    return np.isfinite(orbits.settling_turns)
+    """Draw the maps of the objective on periodic orbits, with descents, and of their settling."""
+    # Disturbances die, or die within what the nodes leave in doubt.
+    stable = np.isfinite(orbits.settling_turns)
+    marks = {"no stable periodic orbit found": ~stable}
+    objective, turns = orbits.objective.where(stable), orbits.settling_turns.where(stable)
+    draw_map(folder / "orbits.svg", answer, objective, marks, descents=answer.refinement)
+    draw_map(folder / "settling.svg", answer, turns, marks, norm="log")
 
 
 def draw_landscape(folder: Path, answer: Answer, data: xr.Dataset) -> None:
-    """Draw the map of the first turns' time average from the worse start, with marks."""
-    fig, ax = plt.subplots(figsize=MAP, layout="constrained")
+    """Draw the map of the first turns' time average from the worse start."""
     marks = {
         "failed": ~data.success.all("start"),
         "whirl": data.whirl.any("start"),
         "outside the contact model": ~data.inside_model.all("start"),
     }
-    plots.plot_landscape(worst(data), ax, marks=marks, units=answer.problem.units)
-    _mark(ax, answer)
-    write_figure(folder / "landscape.svg", fig)
+    draw_map(folder / "landscape.svg", answer, worst(data), marks)
 
 
-def _mark(ax: Axes, answer: Answer, *, descents: bool = False, open_cells: bool = False) -> None:
-    """Mark descents, optimum and the design to compare with, and add them to the legend."""
-    legend = ax.get_legend()
-    handles: list[Any] = [] if legend is None else list(legend.legend_handles)
-    if open_cells:
-        label = "no stable periodic orbit found"
-        handles.append(Patch(facecolor="0.6", edgecolor="w", label=label))
+def draw_map(
+    path: Path,
+    answer: Answer,
+    values: xr.DataArray,
+    marks: Mapping[str, xr.DataArray],
+    *,
+    descents: Sequence[Refinement] = (),
+    norm: str = "linear",
+) -> None:
+    """Draw a map over the two free numbers with hatched cells, descents and designs."""
+    fig, ax = plt.subplots(figsize=MAP, layout="constrained")
     names, units = plots.axes_of(answer.problem.design.bounds), answer.problem.units
-    for i, descent in enumerate(answer.refinement if descents else ()):
-        path = (shown(name, np.asarray(descent.path[name]), units) for name in names)
-        lines = ax.plot(*path, "w.-", linewidth=0.8, markersize=2, label="descents")
+    plots.plot_landscape(values, ax, marks=marks, units=units, norm=norm)
+    hatched = ax.get_legend()
+    handles: list[Any] = [] if hatched is None else list(hatched.legend_handles)
+    for i, descent in enumerate(descents):
+        line = (shown(name, np.asarray(descent.path[name]), units) for name in names)
+        lines = ax.plot(*line, "w.-", linewidth=0.8, markersize=2, label="descents")
         handles += lines if i == 0 else []
     for title, design in answer.designs.items():
         handles += ax.plot(
@@ -247,14 +225,17 @@ def _mark(ax: Axes, answer: Answer, *, descents: bool = False, open_cells: bool 
         )
     # The ground shows lines that are white.
     ax.legend(handles=handles, frameon=True, facecolor="0.6", labelcolor="k", ncols=3, **ABOVE)
+    write_figure(path, fig)
 
 
 def _marker(title: str) -> dict[str, Any]:
     return OPTIMUM if title == "optimum" else COMPARED
 
 
-def draw_capacity(folder: Path, chamber: CrushingChamber, problem: Problem) -> None:
-    """Draw the capacity over speed, with the box searched."""
+def draw_capacity(folder: Path, problem: Problem) -> None:
+    """Draw a crusher's capacity over speed, with the box searched."""
+    chamber = problem.chamber
+    assert chamber is not None
     low, high = problem.design.bounds["speed"]
     fig, ax = plt.subplots(figsize=NARROW, layout="constrained")
     speeds = np.linspace(0.6 * low, 1.25 * high, 200)
@@ -265,64 +246,46 @@ def draw_capacity(folder: Path, chamber: CrushingChamber, problem: Problem) -> N
     if math.isfinite(reached):
         label = f"floor reached at {reached:.4g} {unit}"
         ax.axvline(reached, color="0.5", linestyle=":", label=label)
-    ax.legend()
+    ax.legend(ncols=2, **ABOVE)
     write_figure(folder / "capacity.svg", fig)
 
 
-def draw_pareto(folder: Path, answer: Answer, units: np.ndarray, data: xr.Dataset) -> None:
-    """Draw the objective against a crusher's capacity and the rival, at a map's points and designs.
-
-    `data` is the map of orbits, whose fronts the answer has, or the landscape, whose
-    worse start counts: its front is what no other point beats in both.
-    """
-    problem = answer.problem
-    transient = "start" in data.dims
-    force = problem.rival
-    (statistic,) = force.outputs
-    worse = data[["objective", statistic]].max("start") if transient else data
-    counts = data.counts.all("start") if transient else data.counts
-    objective, forces = (
-        worse[name].where(counts).to_numpy().ravel() for name in ("objective", statistic)
-    )
-    kilo, unit = (
-        (1e3, "kN")
-        if answer.problem.objective.unit == "N"
-        else (1.0, answer.problem.objective.unit)
-    )
-    of_axes = [(forces, 1.0, 1e3, f"{force.meaning} (kN)")]
-    if problem.chamber is not None:
-        of_axes.insert(0, (problem.capacity(units), -1.0, 1.0, "capacity (m³/h)"))
-    with plt.rc_context(plots.STYLE):
-        fig, axes = plt.subplots(
-            1, len(of_axes), figsize=(plots.WIDTH, 3.4), layout="constrained", squeeze=False
-        )
-        axes = axes.ravel()
-        for k, (ax, (column, sign, one, heading)) in enumerate(zip(axes, of_axes, strict=True)):
-            dots = objective / kilo, column / one
-            ax.plot(*dots, "o", color="0.6", markersize=3, label="points of the map")
-            if answer.fronts:
-                line = answer.fronts[k].objective, answer.fronts[k].other
-            else:
-                of_map = np.flatnonzero(nondominated(np.stack([objective, sign * column], axis=-1)))
-                order = of_map[np.argsort(objective[of_map])]
-                line = objective[order], column[order]
-            size = 4 if len(line[0]) > 1 else 7
-            if len(line[0]) == 1:
-                ax.set_title("nothing to trade", fontsize=8)
-            ax.plot(line[0] / kilo, line[1] / one, "s-", color="C0", markersize=size, label="front")
-            meaning = "worse start" if transient else "periodic orbit"
-            ax.set_xlabel(f"{answer.problem.objective.meaning}, {meaning} ({unit})")
-            ax.set_ylabel(heading)
+def draw_fronts(folder: Path, answer: Answer) -> None:
+    """Draw the fronts of the answer over the points of the map that count, with the designs."""
+    problem, maps, fronts = answer.problem, answer.maps, answer.fronts
+    assert maps is not None and maps.counting_orbits is not None
+    orbits = maps.counting_orbits.where(maps.counting_orbits.counts)
+    objective = orbits.objective.to_numpy().ravel()
+    one, unit = prefixed(float(np.nanmax(np.abs(objective))), problem.objective.unit)
+    size = (plots.WIDTH, 3.4)
+    fig, axes = plt.subplots(1, len(fronts), figsize=size, layout="constrained", squeeze=False)
+    for ax, front in zip(axes.ravel(), fronts, strict=True):
+        crushes = front.of == "capacity"
+        of_map = problem.capacity(maps.points) if crushes else orbits[front.of].to_numpy().ravel()
+        other, other_unit = prefixed(float(np.nanmax(np.abs(of_map))), front.unit)
+        dots = objective / one, of_map / other
+        ax.plot(*dots, "o", color="0.6", markersize=3, label="points of the map")
+        size, line = (4 if len(front.objective) > 1 else 7), (front.objective / one, front.other)
+        ax.plot(line[0], line[1] / other, "s-", color="C0", markersize=size, label="front")
+        if len(front.objective) == 1:
+            ax.set_title("nothing to trade")
         for title, design in answer.designs.items():
-            least, highest = _numbers(design, statistic, transient)
-            crushing = design.crushing
-            values = [highest / 1e3] if crushing is None else [crushing.capacity, highest / 1e3]
-            for ax, value in zip(axes, values, strict=True):
-                ax.plot(least / kilo, value, **_marker(title), label=title, zorder=3)
-        for ax in axes:
-            _zoom_to_front(ax)
-        fig.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
-        write_figure(folder / "pareto.svg", fig)
+            at = _on_front(design, front)
+            ax.plot(at[0] / one, at[1] / other, **_marker(title), label=title, zorder=3)
+        ax.set(xlabel=f"{problem.objective.meaning} ({unit})")
+        ax.set(ylabel=f"{front.meaning} ({other_unit.replace('m3', 'm³')})")
+        _zoom_to_front(ax)
+    fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+    write_figure(folder / "pareto.svg", fig)
+
+
+def _on_front(design: Confirmed, front: Front) -> tuple[float, float]:
+    """Return both numbers of a front on the orbit of a design, NaN without one."""
+    if design.orbit is None:
+        return math.nan, math.nan
+    if design.crushing is not None and front.of == "capacity":
+        return design.orbit.objective, design.crushing.capacity
+    return design.orbit.objective, float(design.orbit.solution[front.of])
 
 
 def _zoom_to_front(ax: Axes) -> None:
@@ -334,17 +297,6 @@ def _zoom_to_front(ax: Axes) -> None:
         margin = 0.1 * (high - low)
         ax.set(xlim=(low[0] - margin[0], high[0] + margin[0]))
         ax.set(ylim=(low[1] - margin[1], high[1] + margin[1]))
-
-
-def _numbers(design: Confirmed, statistic: str, transient: bool) -> tuple[float, float]:
-    """Return objective and a statistic of the worse start's first run, or of the orbit."""
-    if transient:
-        runs = design.transient.values()
-        one, two = (max(run.first(name) for run in runs) for name in ("objective", statistic))
-        return one, two
-    if design.orbit is None:
-        return math.nan, math.nan
-    return design.orbit.objective, float(design.orbit.solution[statistic])
 
 
 def draw_bearings(folder: Path, problem: Problem, design: Confirmed) -> None:

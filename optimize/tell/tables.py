@@ -14,8 +14,7 @@ from jaxcrusher.sheets.severity import SOURCE
 from optimize.answer import Answer, Confirmed
 from optimize.search.confirm import long_window
 from optimize.tell import words as formatting
-from optimize.tell.forces import besides, name_of
-from optimize.tell.words import shown
+from optimize.tell.words import besides, name_of, shown
 
 # Names of the stages and of the ways of descent.
 STAGES = {
@@ -62,10 +61,7 @@ def headline(found: Answer) -> list[tuple[str, str, str]]:
     best, other = found.optimum, found.reference
     if best is None or other is None:
         return []
-    floor = {"capacity": "at the floor of the capacity"}
-    at_end = {
-        one.parameter: floor.get(one.limit, f"the {one.limit} allowed") for one in found.active
-    }
+    ends = formatting.at_bounds(found, best)
     free = sorted(best.values, key=lambda name: name != "speed")
     told, where = [], found.problem.compared_with
 
@@ -83,22 +79,21 @@ def headline(found: Answer) -> list[tuple[str, str, str]]:
     elif found.problem.objective.name != "shaking_rms":
         objectives, unit = (best.objective, other.objective), found.problem.objective.unit
         add(name_of(found.problem.objective.meaning), *objectives, lambda one: quantity(one, unit))
-    units, room = found.problem.units, 3 - len(told)
-    for name in free[:room]:
-        value, _, other_unit = said(name, best.values[name], units).rstrip(")").partition(" (")
-        remark = ", ".join(filter(None, (other_unit, at_end.get(name))))
-        told.insert(free.index(name), (in_words(name), value, remark))
-    if left := free[room:]:
-        others = [
-            ", ".join(
-                filter(None, (f"{in_words(n)} {said(n, best.values[n], units)}", at_end.get(n)))
-            )
-            for n in left
-        ]
-        many = f"{len(left)} more numbers that are free, in the table"
+    room = 3 - len(told)
+    left = []
+    for i, name in enumerate(free):
+        value, end = said(name, best.values[name], found.problem.units), ends.get(name)
+        if i >= room:
+            left.append(", ".join(filter(None, (f"{in_words(name)} {value}", end))))
+            continue
+        value, _, in_other_unit = value.rstrip(")").partition(" (")
+        told.insert(i, (in_words(name), value, ", ".join(filter(None, (in_other_unit, end)))))
+    if len(left) > 2:
+        left = [f"{len(left)} more numbers that are free, in the table"]
+    if left:
         meaning, value, remark = told[room - 1]
-        more = f"with {'; '.join(others) if len(left) < 3 else many}"
-        told[room - 1] = meaning, value, "; ".join(filter(None, (remark, more)))
+        others = f"with {'; '.join(left)}"
+        told[room - 1] = meaning, value, "; ".join(filter(None, (remark, others)))
     return told
 
 
@@ -199,29 +194,18 @@ def _carried(row: Row) -> str:
     return f"{number(row.value)}{phase}{remark}"
 
 
-def checks(found: Answer) -> Table:
-    """Return the checks with their verdicts."""
-    rows = [(check.name, check.verdict, check.detail) for check in found.checks]
-    return Table(("check", "verdict", "detail"), rows)
-
-
 def slopes(found: Answer) -> Table | None:
     """Return the slopes at the optimum, in the units of the tables; None where there are none."""
-    best, unit = found.optimum, found.problem.objective.unit
-    if best is not None and best.orbit is not None and best.settles:
-        orbit = best.orbit
-        rows = []
-        for name, slope in orbit.slopes.items():
-            factor = unit_of(name, found.problem.units)[1]
-            row = {
-                "by": _per(found, name, unit),
-                "slope": slope * factor,
-                "differences off by": two_digits(orbit.slopes_apart[name] * factor),
-            }
-            rows.append(row)
-        about = "The slopes on the periodic orbit are exact. Differences of orbits check them."
-        return Table.of(rows, about=about)
-    return None
+    best, of = found.optimum, found.problem.objective.unit
+    if best is None or best.orbit is None or not best.settles:
+        return None
+    rows = []
+    for name, slope in best.orbit.slopes.items():
+        unit, factor = unit_of(name, found.problem.units)
+        apart = two_digits(best.orbit.slopes_apart[name] * factor)
+        rows.append((f"{in_words(name)}, {of} per {unit or '1'}", slope * factor, apart))
+    about = "The slopes on the periodic orbit are exact. Differences of orbits check them."
+    return Table(("by", "slope", "differences off by"), rows, about=about)
 
 
 def fronts(found: Answer) -> list[Table]:
@@ -335,32 +319,19 @@ def stages(found: Answer) -> Table:
 
 def fixed(found: Answer) -> Table:
     """Return the numbers and choices that were not free."""
+    design, units = found.problem.design, found.problem.units
     rows = [
-        (
-            in_words(name),
-            said(name, value, found.problem.units) if isinstance(value, float) else str(value),
-        )
-        for name, value in found.problem.design.fixed.items()
+        (in_words(name), said(name, value, units) if isinstance(value, float) else str(value))
+        for name, value in design.fixed.items()
     ]
     if found.problem.speeds is None:
         return Table(("", "value"), rows)
+    follows = next((one.follows for one in found.designs.values()), {})
     rows += [
         (in_words(name), f"{readable(name, NUMBERS[name].default)} *")
-        for name in borrowed(
-            {**found.problem.design.fixed, **found.problem.design.bounds, **_follow(found)}
-        )
+        for name in borrowed({**design.fixed, **design.bounds, **follows})
     ]
     return Table(("", "value, * of the PE250x400"), rows)
-
-
-def _follow(found: Answer) -> dict[str, float]:
-    """Return what follows from the free numbers, of any design."""
-    return next((design.follows for design in found.designs.values()), {})
-
-
-def versions(found: Answer) -> Table:
-    """Return the versions of the packages."""
-    return Table(("", "version"), list(found.versions.items()))
 
 
 def _chosen(found: Answer, values: Mapping[str, float]) -> dict[str, str]:
@@ -375,7 +346,3 @@ def _chosen(found: Answer, values: Mapping[str, float]) -> dict[str, str]:
 def _number(name: str, value: float, units: Mapping[str, str]) -> str:
     """Return a parameter as text, in the unit that it was given in."""
     return f"{shown(name, value, units):.6g}"
-
-
-def _per(found: Answer, name: str, unit: str) -> str:
-    return f"{in_words(name)}, {unit} per {unit_of(name, found.problem.units)[0] or '1'}"

@@ -1,21 +1,35 @@
 """The numbers and sentences of an answer as text, for the console and for the page."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TypeVar
 
 import numpy as np
 
+from jaxcrusher.crusher.template import CALLED, STATISTIC
 from jaxcrusher.files.text import number, quantity, with_error
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import said, unit_of
 from optimize.answer import Active, Answer, Confirmed, Runs
 from optimize.search.confirm import long_window
-from optimize.tell.forces import besides, name_of, opposed
 
 # A number this near a bound of its box, as a share, is at it: rounding.
 AT_END = 1e-12
+# A force that changes by less than this share of itself neither falls nor rises.
+UNCHANGED = 1e-3
+
+
+def name_of(meaning: str) -> str:
+    """Return what a sentence calls a quantity of this meaning."""
+    known = {STATISTIC[force].meaning: name for force, name in CALLED.items()}
+    return known.get(meaning, meaning)
+
+
+def besides(forces: Iterable[str], *told: str) -> dict[str, str]:
+    """Return the names and meanings of forces, less the meanings that are `told` already."""
+    meanings = {name: STATISTIC[name].meaning for name in forces}
+    return {name: meaning for name, meaning in meanings.items() if meaning not in told}
 
 
 def interval(runs: Runs) -> str:
@@ -86,16 +100,17 @@ def answer(found: Answer) -> str:
     best, other = found.optimum, found.reference
     if best is None or other is None:
         return f"No design may be chosen: {found.empty}." if found.empty else ""
-    ends = _ends(found, best)
-    rpm = [f"{best.speed * 30 / math.pi:.0f} rpm", *_at_bound(ends.get("speed"))]
-    shown = [f"{best.speed:.4g} rad/s ({', '.join(rpm)})"]
+    ends = at_bounds(found, best)
+    at_speed = f", {ends['speed']}" if "speed" in ends else ""
+    values = {"speed": f"{best.speed:.4g} rad/s ({best.speed * 30 / math.pi:.0f} rpm{at_speed})"}
     if best.crushing is not None:
-        clearance = f"{1e3 * best.crushing.clearance:.3g} mm of radial clearance"
-        shown.append(_with_bound(clearance, ends.get("clearance")))
-    shown += [
-        _with_bound(f"{in_words(name)} {said(name, value, found.problem.units)}", ends.get(name))
-        for name, value in best.values.items()
-        if name not in ("speed", "clearance")
+        values["clearance"] = f"{1e3 * best.crushing.clearance:.3g} mm of radial clearance"
+    for name, value in best.values.items():
+        told = f"{in_words(name)} {said(name, value, found.problem.units)}"
+        values.setdefault(name, told)
+    shown = [
+        f"{value} ({ends[name]})" if name in ends and name != "speed" else value
+        for name, value in values.items()
     ]
     against, reasons = [], []
     if found.maps is not None and found.maps.stable_orbits == 0:
@@ -107,7 +122,7 @@ def answer(found: Answer) -> str:
         against.append("outside the contact model")
         reasons.append(f"because of {'; '.join(beyond)}")
     place = " with ".join(filter(None, (shown[0], ", ".join(shown[1:]))))
-    if best.crushing is not None and ends.get("speed") == "lowest":
+    if best.crushing is not None and at_speed.endswith("lowest allowed"):
         place += ", if wear and rock that waits for the jaw, which are not counted, allow it"
     text = f"the best is {place}, " if against else f"Run it at {place}: "
     unit = found.problem.objective.unit
@@ -126,33 +141,34 @@ def answer(found: Answer) -> str:
     return " ".join(filter(None, (trade(found), f"{text[0].upper()}{text[1:]}.")))
 
 
-def _ends(found: Answer, best: Confirmed) -> dict[str, str]:
-    """Return at which end of its box a free number stands, of those that stand at one."""
-    ends = {}
+def at_bounds(found: Answer, best: Confirmed) -> dict[str, str]:
+    """Say where a free number stands, of those at an end of the box or at the capacity's floor."""
+    limits = {}
     for name, bounds in found.problem.design.bounds.items():
         for bound, words in zip(bounds, ("lowest", "highest"), strict=True):
             if math.isclose(best.values[name], bound, rel_tol=AT_END, abs_tol=0.0):
-                ends[name] = words
-    return ends | {one.parameter: one.limit for one in found.active}
-
-
-def _at_bound(limit: str | None) -> list[str]:
-    """Say at which end of its box a number stands, or nothing inside it."""
-    if limit == "capacity":
-        return ["where the capacity is at its floor"]
-    return [] if limit is None else [f"the {limit} allowed"]
-
-
-def _with_bound(said: str, limit: str | None) -> str:
-    return " ".join([said, *(f"({words})" for words in _at_bound(limit))])
+                limits[name] = words
+    limits |= {one.parameter: one.limit for one in found.active}
+    floor = {"capacity": "where the capacity is at its floor"}
+    return {name: floor.get(limit, f"the {limit} allowed") for name, limit in limits.items()}
 
 
 def trade(found: Answer) -> str:
     """Say that one force falls and the other rises, from the design compared with, or nothing."""
-    before, after = found.reference, found.optimum
-    if before is None or after is None or not (before.counts and after.counts):
+    old, new = found.reference, found.optimum
+    if old is None or new is None or not (old.counts and new.counts):
         return ""
-    return opposed(before.forces, after.forces, found.problem.compared_with)
+    change = {name: new.forces[name] / old.forces[name] - 1 for name in old.forces}
+    falls, rises = min(change, key=lambda n: change[n]), max(change, key=lambda n: change[n])
+    if not change[falls] < -UNCHANGED < UNCHANGED < change[rises]:
+        return ""
+    called = CALLED | {"shaking_rms": f"{CALLED['shaking_rms']}, which the ground feels,"}
+    return (
+        f"Against the {found.problem.compared_with} the {called[falls]} falls by "
+        f"{-100 * change[falls]:.3g} %, but the {called[rises]} rises by "
+        f"{100 * change[rises]:.3g} %, from {quantity(old.forces[rises], 'N')} to "
+        f"{quantity(new.forces[rises], 'N')}."
+    )
 
 
 def _unconfirmed(found: Answer) -> str:

@@ -4,14 +4,15 @@ import io
 
 import jax.numpy as jnp
 import numpy as np
+import xarray as xr
 from rich.console import Console
 
 import jaxcrusher as jc
 from jaxcrusher.batch.sweep import columns_of_row
 from jaxcrusher.crusher.template import STATISTIC, STATISTICS
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
-from optimize.answer import Answer, Orbit
-from optimize.tell.screen import print_answer
+from optimize.answer import Answer, Maps, Orbit
+from optimize.tell.result import print_answer
 
 VALUES = {"foundation_rms": 8.0, "foundation_peak": 9.0, "shaking_rms": 5.0, "shaking_peak": 6.0}
 
@@ -67,6 +68,11 @@ def rows_of_three_runs():
         "objective": np.array([[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]),
         "counts": np.ones((2, 3), dtype=bool),
     }
+
+
+def maps_of(points: np.ndarray, orbits: xr.Dataset | None) -> Maps:
+    """Return maps of orbits alone."""
+    return Maps(np.zeros((0, 2)), xr.Dataset(), points, orbits)
 
 
 def printed(answer: Answer, width: int = 80) -> str:

@@ -70,7 +70,7 @@ def test_a_box_without_a_design(tmp_path, monkeypatch):
     # The design to compare with is looked at all the same, and no gap is called an interruption.
     assert answer.reference is not None and "paper&#39;s choice" in page
     assert "No design may be chosen" in page and "ended before" not in page
-    assert "pareto.svg is not drawn: no point of the maps may be chosen" in page
+    assert "pareto.svg is not drawn: there is no periodic orbit that may be chosen" in page
     # Into a file a line for each stage, as it begins, and no bars.
     begun = [line for line in written.splitlines() if line.endswith(" to do")]
     assert begun[-1] == "confirmation: 6 to do"

@@ -14,7 +14,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
-from optimize.ask.case import Case
 
 import jaxcrusher as jc
 from jaxcrusher.crusher.capacity import CrushingChamber
@@ -24,7 +23,6 @@ from optimize.answer import (
     Active,
     Answer,
     Bound,
-    Box,
     Check,
     Coexisting,
     Confirmed,
@@ -32,17 +30,17 @@ from optimize.answer import (
     Front,
     Refinement,
     Runs,
-    Sought,
 )
 from optimize.ask.design import Design
 from optimize.ask.objectives import OBJECTIVES
+from optimize.ask.problem import Problem
 from optimize.search import stages
 from optimize.search.motions import INSTANTS, turns
 from optimize.tell import figures, tables
 from optimize.tell import words as formatting
 from optimize.tell.page.document import COLOURS, pack, write_page
-from optimize.tell.result_file import content
-from tests.optimize.by_hand import orbit_by_hand, printed, solution_by_hand
+from optimize.tell.result import content
+from tests.optimize.by_hand import maps_of, orbit_by_hand, printed, solution_by_hand
 
 SPEEDS, CLEARANCES = [25.0, 30.0, 35.0], [3e-5, 6e-5]
 EVIL = '</script><img src="http://example.org/x.png">&'
@@ -87,20 +85,27 @@ def hand_made_orbits() -> xr.Dataset:
     )
 
 
+BOUNDS = {"speed": (25.0, 35.0), "clearance": (3e-5, 6e-5), "friction": (0.0, 0.1)}
+
+
+def hand_made_problem(*free: str, **given: Any) -> Problem:
+    """Of the paper's crusher with a friction of 0.05 and these numbers, as far as none is free."""
+    machine = jc.paper_machine(**{"friction": 0.05, **given})
+    design = Design({name: BOUNDS[name] for name in free}, machine)
+    chamber = CrushingChamber()
+    return Problem(design, replace(OBJECTIVES["rms"], name="rms"), chamber, capacity_floor=5.6)
+
+
 BEGUN = Answer(
+    hand_made_problem("speed", "clearance"),
     command=f"python -m optimize.run --name '{EVIL}'",
     versions={"jax": "0.10.2"},
-    objective=Sought("rms", "N", "RMS of |R_O| + |R_C|"),
-    box=Box({"speed": (25.0, 35.0), "clearance": (3e-5, 6e-5)}, 5.6, (14.4, 41.7)),
-    fixed={"friction": 0.05},
-    columns={
-        "objective": ("N", "RMS of |R_O| + |R_C|"),
-        "foundation_rms": ("N", "RMS of |R_O| + |R_C|"),
-        "whirl": ("1", "friction whirl"),
-        "success": ("1", "solved, or integrated to the end"),
-    },
-    seed=0,
 )
+
+
+def over_a_map(found: Answer, orbits: xr.Dataset) -> Answer:
+    """Return an answer with this map of orbits."""
+    return replace(found, maps=maps_of(np.zeros((orbits.objective.size, 2)), orbits))
 
 
 def hand_made_runs(mean: float, success: bool = True) -> Runs:
@@ -146,19 +151,18 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
         None,
         {"centred": hand_made_runs(21832.0), "contact": hand_made_runs(21799.0, success=False)},
     )
-    bounds = {"speed": (25.0, 35.0), "clearance": (3e-5, 6e-5), "friction": (0.0, 0.1)}
     ends = {"speed": [30.0, 25.0], "clearance": [3e-5, 6e-5], "friction": [0.0, 0.1]}
     path = {name: np.array(ends[name]) for name in free}
     return replace(
         BEGUN,
-        box=replace(BEGUN.box, bounds={name: bounds[name] for name in free}),
+        problem=hand_made_problem(*free),
         status="finished",
         seconds={"landscape": 12.5},
         steps={"landscape": 15400000},
         refinement=(Refinement("fits", path, 19000.0, 18250.0, 24, {}),),
         candidates=(optimum, replace(other, objective=np.nan)),
         optimum=optimum,
-        seed_choice=other,
+        reference=other,
         bound=Bound(None, None, 0, 0.0, "Nothing is said of what lies between."),
         checks=(Check("inside the box", True, EVIL), Check("both starts agree", False, "")),
         remark="Wear is not counted.",
@@ -168,12 +172,13 @@ def hand_made_answer(free: tuple[str, ...] = ("speed", "clearance")) -> Answer:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
-    found, orbits = hand_made_answer(), hand_made_orbits()
+    orbits = hand_made_orbits()
+    found = over_a_map(hand_made_answer(), orbits)
     assert found.optimum is not None
     with plt.rc_context(figures.STYLE):
         figures.draw_curve(folder, found, found.optimum, orbits)
         figures.draw_orbits(folder, found, orbits)
-    return write_page(folder, found, orbits, ["curve.svg", "orbits.svg"])
+    return write_page(folder, found, ["curve.svg", "orbits.svg"])
 
 
 def test_stages_have_one_order_whichever_ended_first():
@@ -232,11 +237,11 @@ def test_every_text_is_escaped(page):
 
 def test_page_shows_what_it_knows_and_what_it_does_not(page):
     text = page.read_text()
-    assert "18250±7.2" in text and "9250.1±7.2" in text and "1 of 2 checks failed." in text
+    assert "18250 ± 7.2" in text and "9250 ± 7.2" in text and "1 of 2 checks failed." in text
     assert "half a 95 % interval, from 6 independent runs" in text
     # One of six runs failed: there is no number to show, and no design to choose.
     assert ">1 of 6 failed</td>" in text and ">no value</td>" in text
-    for start, mean in (("centred", "18250±7.2"), ("contact", "9250.1±7.2")):
+    for start, mean in (("centred", "18250 ± 7.2"), ("contact", "9250 ± 7.2")):
         motion, turns, told = cells(text, f"optimum, {start} start")
         assert motion.startswith("not known to settle; ") and (turns, told) == ("unknown", mean)
     assert "contact of half-width 1.80 radii: not Hertzian" in text
@@ -249,11 +254,15 @@ def test_page_shows_what_it_knows_and_what_it_does_not(page):
 def test_the_first_screen_begins_with_what_matters(page):
     """A sentence, three numbers, and five columns; proofs and the way there come last."""
     found = replace(hand_made_answer(), active=(Active("speed", "lowest", 115.6),))
-    assert found.seed_choice is not None
-    other = replace(found.seed_choice, forces={"foundation_rms": 22e3, "shaking_rms": 6270.0})
-    found = replace(found, seed_choice=other)
+    assert found.reference is not None
+    other = replace(found.reference, forces={"foundation_rms": 22e3, "shaking_rms": 6270.0})
+    found = replace(found, reference=other)
     assert tables.headline(found) == [
-        ("speed", "25 rad/s", "238.7 rpm, the lowest allowed; with clearance 0.06 mm"),
+        (
+            "speed",
+            "25 rad/s",
+            "238.7 rpm, the lowest allowed; with clearance 0.06 mm, the highest allowed",
+        ),
         ("RMS shaking force", "3.135 kN", "50 % less than 6.27 kN at the paper's choice"),
         ("capacity", "9.41 m³/h", "56.1 % more than 6.03 m³/h at the paper's choice"),
     ]
@@ -278,33 +287,35 @@ def test_the_first_screen_begins_with_what_matters(page):
 def test_a_linkage_is_told_by_what_is_free_and_by_its_objective():
     """It crushes nothing; of many free numbers the first are told."""
     found = hand_made_answer(("speed", "clearance", "friction"))
-    assert found.optimum is not None and found.seed_choice is not None
+    assert found.optimum is not None and found.reference is not None
     plain: dict[str, Any] = {"crushing": None, "forces": {"shaking_rms": 1e3}}
     one = replace(found.optimum, objective=2e3, **plain)
-    two = replace(found.seed_choice, objective=4e3, **plain)
-    of = Sought("peak", "N", "peak in B")
-    told = tables.headline(replace(found, objective=of, optimum=one, seed_choice=two))
+    two = replace(found.reference, objective=4e3, **plain)
+    of = replace(OBJECTIVES["peak"], name="peak", meaning="peak in B")
+    problem = replace(found.problem, objective=of)
+    told = tables.headline(replace(found, problem=problem, optimum=one, reference=two))
     assert [value for _, value, _ in told] == ["25 rad/s", "1 kN", "2 kN"]
-    assert told[0][2] == "238.7 rpm; with clearance 0.06 mm; friction 0.05"
+    left = "clearance 0.06 mm, the highest allowed; friction 0.05"
+    assert told[0][2] == f"238.7 rpm, the lowest allowed; with {left}"
     assert told[1][2] == "" and told[2][2] == "50 % less than 4 kN at the paper's choice"
 
 
 def test_capacity_in_tonnes_stands_beside_that_in_cubic_metres(tmp_path):
     """9.41 m3/h of 1.6 t/m3 are 15.06 t/h, on the page, on the screen and in result.json."""
-    found = replace(hand_made_answer(), bulk_density=1600.0)
+    plain = hand_made_answer()
+    found = replace(plain, problem=replace(plain.problem, bulk_density=1600.0))
     assert ("capacity", "t/h", "15.06", "9.65", "+56.1 %") in tables.answer(found).rows
     assert re.search(r"capacity +t/h +15\.06 +9\.65 +\+56\.1 % *\n", printed(found, 120))
     tonnes = {"optimum": pytest.approx(15.056), "paper's choice": pytest.approx(9.648)}
     assert content(found)["throughput"] == tonnes
-    plain = replace(found, bulk_density=None)
-    assert "t/h" not in write_page(tmp_path, plain, None, ()).read_text()
+    assert "t/h" not in write_page(tmp_path, plain, ()).read_text()
     assert content(plain)["throughput"] == {}
 
 
 def test_strokes_stand_beside_the_capacity_with_a_caution(tmp_path):
     """20.1 mm in all, 1.2 mm up for each across."""
     found = hand_made_answer()
-    text = write_page(tmp_path, found, None, ()).read_text()
+    text = write_page(tmp_path, found, ()).read_text()
     assert cells(text, "stroke at the discharge") == ["mm", "20.1", "20.1", ""]
     assert text.count("slower is always more there") == 1
     assert "slower is always more there" in printed(found, 120)
@@ -312,8 +323,8 @@ def test_strokes_stand_beside_the_capacity_with_a_caution(tmp_path):
 
 def test_numbers_that_follow_stand_beside_the_free_ones():
     found, follows = hand_made_answer(), {"shaft.eccentricity": 6.7e-3, "counterweight.mass": 11.0}
-    other = replace(found.seed_choice, follows=follows | {"counterweight.mass": 0.0})
-    found = replace(found, optimum=replace(found.optimum, follows=follows), seed_choice=other)
+    other = replace(found.reference, follows=follows | {"counterweight.mass": 0.0})
+    found = replace(found, optimum=replace(found.optimum, follows=follows), reference=other)
     assert tables.answer(found).rows[1:4] == [
         ("clearance", "mm", "0.06", "0.03", "+100.0 %"),
         ("shaft eccentricity that follows", "mm", "6.7", "6.7", ""),
@@ -335,9 +346,8 @@ def test_the_two_bearings_are_drawn(tmp_path, monkeypatch):
     monkeypatch.setattr(figures, "write_figure", kept)
     found = hand_made_answer()
     # A load across the jaw presses on both, so that both forces are long enough for a name.
-    design = Design(found.box.bounds, jc.paper_machine(load_law="normal_to_jaw"))
-    case: Any = SimpleNamespace(design=design)
-    figures.draw_bearings(tmp_path, case, found.optimum)
+    problem = hand_made_problem("speed", "clearance", load_law="normal_to_jaw")
+    figures.draw_bearings(tmp_path, problem, found.optimum)
     (names,) = drawn
     bearing = jc.build_scene({}).linkage.joints.at("shaft_bearing").bore.arm.vector()
     np.testing.assert_allclose(names["O"].xy, [float(bearing.x), float(bearing.y)], rtol=1e-12)
@@ -371,8 +381,8 @@ def test_page_of_a_periodic_orbit(tmp_path):
     value = orbit.objective
     optimum = replace(found.optimum, objective=value, orbit=orbit, transient=runs)
     active = (Active("clearance", "lowest", 51000.0),)
-    other = replace(found.seed_choice, objective=21796.4)
-    found = replace(found, optimum=optimum, seed_choice=other, active=active)
+    other = replace(found.reference, objective=21796.4)
+    found = replace(found, optimum=optimum, reference=other, active=active)
     values = {"speed": np.array([25.0, 25.0]), "clearance": np.array([0.03e-3, 0.05e-3])}
     ends, forces = np.array([18243.4, 18300.0]), {"shaking_rms": np.array([3135.0, np.nan])}
     front = Front("capacity", "m3/h", "capacity", ends, np.array([7.5, 7.9]), values, forces)
@@ -386,7 +396,7 @@ def test_page_of_a_periodic_orbit(tmp_path):
         forces,
     )
     found = replace(found, fronts=(front, single), checks=found.checks[:1])
-    text = write_page(tmp_path, found, None, ()).read_text()
+    text = write_page(tmp_path, found, ()).read_text()
     # Numbers that no file gave are marked.
     assert cells(text, "jaw mass") == ["524 kg *"]
     # A single point trades nothing.
@@ -403,12 +413,13 @@ def test_page_of_a_periodic_orbit(tmp_path):
     assert "clearance is at its lowest value, multiplier 51 N per mm" in text
     assert cells(text, "clearance, N per mm") == ["51", "0.04"]
     # In the units that they were given in.
-    given = replace(found, box=replace(found.box, units={"speed": "rpm", "clearance": "um"}))
-    rpm = write_page(tmp_path, given, None, ()).read_text()
+    units = {"speed": "rpm", "clearance": "um"}
+    given = replace(found, problem=replace(found.problem, units=units))
+    rpm = write_page(tmp_path, given, ()).read_text()
     assert "is at its lowest value, multiplier 0.051 N per um" in rpm
     assert cells(rpm, "clearance, N per um") == ["0.051", "4e-05"]
-    assert cells(rpm, "speed, N per rpm")[0] == "23.038"
-    assert cells(rpm, "speed, rpm") == ["238.73", "334.23"] and "60</td>" in rpm
+    assert cells(rpm, "speed, N per rpm")[0] == "23.04"
+    assert cells(rpm, "speed, rpm") == ["238.732", "334.225"] and "60</td>" in rpm
     motion, turns, _ = cells(text, "optimum, centred start")
     assert motion == "towards the periodic orbit, in contact" and turns == "5000"
     loud = Coexisting(0.2, solution_by_hand(period=2), 2e4)
@@ -457,19 +468,20 @@ def test_the_first_sentence_recommends_only_what_nothing_speaks_against():
         "Run it at 25 rad/s (239 rpm, the lowest allowed) with"
     )
     # Of a box without an orbit, and of a search that did not come to its checks.
-    assert formatting.answer(replace(inside, stable_orbits=0)).startswith(
+    orbits = hand_made_orbits()
+    none = over_a_map(inside, orbits.assign(stable=orbits.stable & False))
+    assert formatting.answer(none).startswith(
         "The map of the box found no stable orbit of one turn: the best is 25 rad/s"
     )
-    assert formatting.answer(replace(inside, stable_orbits=3)).startswith("Run it at")
+    assert formatting.answer(over_a_map(inside, orbits)).startswith("Run it at")
     unchecked = formatting.answer(replace(inside, checks=()))
     assert unchecked.startswith("Not confirmed: ") and "ended before its checks" in unchecked
 
 
 def test_landscape_of_numbers_of_ones_own(tmp_path):
     """Of any two numbers there are maps, with the designs where they are."""
-    bounds = {"speed": (25.0, 35.0), "friction": (0.0, 0.1)}
     found = hand_made_answer(("speed", "friction"))
-    found = replace(found, box=replace(found.box, bounds=bounds, units={"speed": "rpm"}))
+    found = replace(found, problem=replace(found.problem, units={"speed": "rpm"}))
     axes = {"speed": np.linspace(25, 35, 3), "friction": np.linspace(0, 0.1, 4)}
     ones = (("speed", "friction"), np.ones((3, 4)))
     orbits = xr.Dataset(
@@ -480,7 +492,6 @@ def test_landscape_of_numbers_of_ones_own(tmp_path):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figures, "write_figure", lambda path, fig: drawn.append((path.name, fig)))
         figures.draw_orbits(tmp_path, found, orbits)
-        figures.draw_settling(tmp_path, found, orbits)
     assert [name for name, _ in drawn] == ["orbits.svg", "settling.svg"]
     for _, fig in drawn:
         ax = fig.axes[0]
@@ -512,7 +523,8 @@ def test_the_map_survives_packing(page):
 def test_a_cell_without_an_orbit_has_the_command_that_names_its_motion():
     orbits = hand_made_orbits()
     command = "python -m optimize.run --scene 'my jaw.toml' --set jaw.mass '500 kg' --cells 3 2"
-    found = replace(hand_made_answer(), command=command, fixed={"friction": 0.05, "jaw.mass": 5e2})
+    problem = hand_made_problem("speed", "clearance", **{"jaw.mass": 5e2})
+    found = replace(hand_made_answer(), command=command, problem=problem)
     assert pack(orbits, found)["more"] == (
         "python -m jaxcrusher regimes --scene 'my jaw.toml' --set jaw.mass '500 kg' "
         "--set friction 0.05"
@@ -526,13 +538,13 @@ def test_a_cell_without_an_orbit_has_the_command_that_names_its_motion():
 def test_the_map_has_every_orbits_path_and_force():
     """Against the integrated motion from the orbit's own state, and the ideal joints' motion."""
     design = Design({"speed": (25.0, 35.0), "clearance": (3e-5, 6e-5)})
-    case = Case(design, OBJECTIVES["rms"], CrushingChamber())
+    problem = Problem(design, OBJECTIVES["rms"], CrushingChamber())
     units = np.array([[0.5, 1.0], [0.0, 0.0]])
     scene = design.build(design.described(design.numbers(units[0])))
     orbit = jc.periodic_orbit(scene)
     nodes = np.stack([np.asarray(orbit.eccentricity)] * 2)
     rows = {"success": np.array([True, False]), "eccentricity": nodes}
-    found = turns(case, units, rows)
+    found = turns(problem, units, rows)
     times = np.arange(INSTANTS) / INSTANTS * 2 * np.pi / 30.0
     outputs = ("eccentricity", "foundation_force")
     expected = jc.simulate(scene, times, outputs=outputs, state=orbit.section, rtol=1e-9)
@@ -548,7 +560,7 @@ def test_the_map_has_every_orbits_path_and_force():
         np.testing.assert_allclose(found["ideal_force"][cell], ideal.foundation_force, rtol=2e-7)
         rms = np.sqrt(np.mean(np.square(ideal.foundation_force)))
         np.testing.assert_allclose(found["ideal_objective"][cell], rms, rtol=2e-7)
-    other = Case(design, OBJECTIVES["excess"], CrushingChamber())
+    other = replace(problem, objective=OBJECTIVES["excess"])
     assert np.isnan(turns(other, units, rows)["ideal_objective"]).all()
 
 
@@ -573,9 +585,8 @@ def test_the_curve_is_the_line_of_the_map_that_changes_the_objective_most(tmp_pa
 def test_pictures_take_the_colours_of_the_page_and_share_no_names(tmp_path):
     found, orbits = hand_made_answer(), hand_made_orbits()
     with plt.rc_context(figures.STYLE):
-        figures.draw_settling(tmp_path, found, orbits)
+        figures.draw_orbits(tmp_path, found, orbits)
         first = (tmp_path / "settling.svg").read_bytes()
-        figures.draw_settling(tmp_path, found, orbits)
         figures.draw_orbits(tmp_path, found, orbits)
     assert (tmp_path / "settling.svg").read_bytes() == first
     texts = [(tmp_path / name).read_text() for name in ("settling.svg", "orbits.svg")]
@@ -588,7 +599,7 @@ def test_pictures_take_the_colours_of_the_page_and_share_no_names(tmp_path):
 
 def test_interrupted_run_says_what_is_missing(tmp_path):
     (tmp_path / "curve.svg").write_bytes(b"of an earlier run")
-    text = write_page(tmp_path, BEGUN, None, ()).read_text()
+    text = write_page(tmp_path, BEGUN, ()).read_text()
     assert "This run is not finished (status: interrupted)" in text
     gaps = ("answer", "map", "fronts", "checks", "candidates", "refinement", "slopes", "stages")
     for what in gaps:
@@ -597,15 +608,15 @@ def test_interrupted_run_says_what_is_missing(tmp_path):
     # Confirmed, and interrupted before its evidence.
     found = hand_made_answer()
     half = replace(BEGUN, optimum=found.optimum, candidates=found.candidates, bound=found.bound)
-    text = write_page(tmp_path, half, hand_made_orbits(), ()).read_text()
+    text = write_page(tmp_path, over_a_map(half, hand_made_orbits()), ()).read_text()
     assert data_of(text)["motions"] is not None
-    assert "18250±7.2" in text and "No slopes" in text and "No remark" in text
+    assert "18250 ± 7.2" in text and "No slopes" in text and "No remark" in text
 
 
 def test_a_box_without_a_map_shows_the_first_turns_and_says_why(tmp_path):
     (tmp_path / "landscape.svg").write_text('<svg width="1"></svg>')
     omitted = {"pareto.svg": "no point of the maps may be chosen", "map": "it is rough"}
-    text = write_page(tmp_path, hand_made_answer(), None, ["landscape.svg"], omitted).read_text()
+    text = write_page(tmp_path, hand_made_answer(), ["landscape.svg"], omitted).read_text()
     assert "There is no map of orbits: it is rough. In its place" in text
     assert text.count("<figure") == 1 and "oscillations have not decayed" in " ".join(text.split())
     assert "pareto.svg is not drawn: no point of the maps may be chosen" in text
@@ -734,7 +745,7 @@ def test_one_parameter_and_many(browser, tmp_path):
         (one, ("speed",), first, second),
         (many, ("speed", "clearance", "friction"), f"{first}{more}0", f"{second}{more}0.04"),
     ):
-        browser.get(write_page(tmp_path, hand_made_answer(free), cells, ()).as_uri())
+        browser.get(write_page(tmp_path, over_a_map(hand_made_answer(free), cells), ()).as_uri())
         assert hover(browser, 0).splitlines()[0] == place
         assert browser.find_elements("css selector", "#orbit .orbit") != []
         browser.find_element("id", "map").send_keys("\ue014")
@@ -798,7 +809,7 @@ def test_the_load_sheet_is_not_folded_on_paper(phone, tmp_path):
     assert found.optimum is not None
     orbit: Any = SimpleNamespace(solution=solution, found=False, objective=np.nan)
     found = replace(found, load_sheets=sheet, optimum=replace(found.optimum, orbit=orbit))
-    phone.get(write_page(tmp_path, found, None, ()).as_uri())
+    phone.get(write_page(tmp_path, found, ()).as_uri())
     shown = """return [...document.querySelectorAll("details > :not(summary)")].map((one) =>
         one.checkVisibility({contentVisibilityAuto: true}) && one.offsetHeight > 0)"""
     assert not any(phone.execute_script(shown))
@@ -838,7 +849,9 @@ def test_a_load_sheet_knows_motor_and_points():
     solution = jc.periodic_orbit(jc.build_scene(block))
     design: Any = SimpleNamespace(settles=True, orbit=SimpleNamespace(solution=solution))
     given = block | {"motor_power": 4e5, "foundation.points.corner": "1 m, 0.5 m"}
-    (sheet,) = stages.load_sheets(given, {"optimum": design}).values()
+    problem = hand_made_problem("speed", **given)
+    answer: Any = SimpleNamespace(problem=problem, designs={"optimum": design})
+    (sheet,) = stages._load_sheets(answer).values()
     assert "motor_power is not given" not in sheet[0].remark
     assert any("corner" in row.name for row in sheet)
 

@@ -18,6 +18,7 @@ import pytest
 import xarray as xr
 from matplotlib.animation import FFMpegWriter
 from matplotlib.collections import QuadMesh
+from matplotlib.colors import LogNorm
 from matplotlib.patches import Arc, Polygon
 from matplotlib.quiver import Quiver
 from PIL import Image
@@ -305,6 +306,19 @@ def test_map_of_other_numbers_in_the_units_given():
     assert of_length[0] < lengths.min() < lengths.max() < of_length[1] < 2 * lengths.max()
     with pytest.raises(ValueError, match=r"^Argument `landscape` must have two dims"):
         plots.plot_landscape(values.isel({"jaw.length": 0}))
+
+
+def test_map_of_pure_numbers_over_decades():
+    """Without a unit in its label, by the scale that is asked."""
+    turns = xr.DataArray(
+        [[9.0, 90.0], [20.0, 30.0]],
+        {"speed": [25.0, 30.0], "clearance": [4e-5, 6e-5]},
+        attrs={"units": "1", "long_name": "turns to 1/e"},
+    )
+    ax = plots.plot_landscape(turns, norm="log")
+    (mesh,) = (one for one in ax.collections if isinstance(one, QuadMesh))
+    assert isinstance(mesh.norm, LogNorm)
+    assert ax.figure.axes[1].get_ylabel() == "turns to 1/e"
 
 
 def test_map_of_axes_in_any_order():

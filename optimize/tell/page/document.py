@@ -13,7 +13,7 @@ import xarray as xr
 from markupsafe import Markup
 
 from jaxcrusher.files.results import write_text
-from jaxcrusher.files.text import as_text, is_number
+from jaxcrusher.files.text import Table, as_text, is_number
 from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import said, unit_of
 from optimize.answer import Answer
@@ -26,8 +26,7 @@ from optimize.tell.words import shown
 # What the figures of a finished run show, in the order of the page.
 FIGURES = {
     "curve.svg": "The objective over the free number that changes it most, along the line of the "
-    "map next to the optimum. The dashed line is that of ideal joints; what lies between is what "
-    "the contact adds.",
+    "map next to the optimum.",
     "motion.svg": "The pin's path in its bore, and the force over two turns, of the optimum and of "
     "the design it is compared with: on the periodic orbit, or after the long run of the worse "
     "start where there is none.",
@@ -118,7 +117,10 @@ def _tables(answer: Answer) -> dict:
         "motions": tables.motions(answer) if answer.designs else None,
         "coexisting": tables.coexisting(answer),
         "load_sheet": tables.load_sheet(answer),
-        "checks": tables.checks(answer),
+        "checks": Table(
+            ("check", "verdict", "detail"),
+            [(check.name, check.verdict, check.detail) for check in answer.checks],
+        ),
         "slopes": tables.slopes(answer),
         "fronts": tables.fronts(answer),
         "candidates": tables.candidates(answer),
@@ -126,7 +128,7 @@ def _tables(answer: Answer) -> dict:
         "box": tables.box(answer),
         "stages": tables.stages(answer),
         "fixed": tables.fixed(answer),
-        "versions": tables.versions(answer),
+        "versions": Table(("", "version"), list(answer.versions.items())),
     }
 
 
@@ -194,7 +196,7 @@ def pack(orbits: xr.Dataset, answer: Answer) -> dict:
         "first": 0 if best is None else _nearest(values, best.values, units),
         "force": "|R_O| + |R_C|" if "foundation_rms" in orbits else "shaking force",
         "instants": INSTANTS,
-        "motions": {name: _small(_rows(orbits[name])) for name in motions} if small else None,
+        "motions": {name: _small(orbits[name]) for name in motions} if small else None,
         "colours": [to_hex(colour) for colour in colormaps["cividis"](np.linspace(0, 1, COLOURS))],
     }
 
@@ -260,19 +262,15 @@ def _nearest(
     return int(np.argmin(np.square(offsets).sum(axis=0)))
 
 
-def _rows(variable: xr.DataArray) -> np.ndarray:
-    """Return a row for each cell; of the path all x, and then all y."""
-    values = variable.transpose(..., "axis", "instant") if "axis" in variable.dims else variable
-    length = INSTANTS * variable.sizes.get("axis", 1)
-    return values.to_numpy().reshape(-1, length)
-
-
-def _small(values: np.ndarray) -> dict:
-    """16-bit whole numbers, each row (last axis) by a scale of its own."""
+def _small(variable: xr.DataArray) -> dict:
+    """16-bit whole numbers, a row for each cell by a scale of its own; of a path all x, then y."""
+    by_axis = variable.transpose(..., "axis", "instant") if "axis" in variable.dims else variable
+    values = by_axis.to_numpy().reshape(-1, INSTANTS * variable.sizes.get("axis", 1))
     finite = np.isfinite(values)
-    largest = np.abs(np.where(finite, values, 0)).max(axis=-1, keepdims=True)
+    known = np.where(finite, values, 0)
+    largest = np.abs(known).max(axis=-1, keepdims=True)
     scale = np.where(largest > 0, largest, 1) / 32767
-    whole = np.where(finite, np.rint(np.where(finite, values, 0) / scale), NO_VALUE)
+    whole = np.where(finite, np.rint(known / scale), NO_VALUE)
     return {"values": _base64(whole.astype("<i2")), "scale": _base64(scale.astype("<f4"))}
 
 

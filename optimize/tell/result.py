@@ -1,13 +1,17 @@
-"""The answer of a search as result.json holds it."""
+"""The answer of a search as result.json holds it, and as it closes the screen."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+from rich.console import Console
+
 from jaxcrusher.orbits.result import PeriodicOrbit
 from optimize.answer import Answer, Confirmed
 from optimize.search.confirm import long_window
 from optimize.search.orbits import KEPT
+from optimize.tell import tables
+from optimize.tell import words as formatting
 
 # Fields of the answer that are told otherwise: maps are files of their own.
 OTHERWISE = ("problem", "maps", "ends")
@@ -70,3 +74,25 @@ def _orbit(orbit: PeriodicOrbit) -> dict[str, Any]:
         "state": orbit.section,
         "validity": _plain(orbit.validity),
     }
+
+
+def print_answer(console: Console, answer: Answer) -> None:
+    """Print the answer; everything else stands in report.html."""
+
+    def tell(line: str) -> None:
+        console.print(line, highlight=False, markup=False)
+
+    if not answer.finished:
+        tell(f"The search {answer.status}. The same command goes on from there.")
+    tell(formatting.answer(answer))
+    if answer.designs:
+        console.print(tables.answer(answer).printed())
+        tell(tables.caution(answer))
+    failed = [check for check in answer.checks if not check.passed]
+    if count := len(answer.checks):
+        tell(f"{count - len(failed)} of {count} checks passed.")
+    for check in failed:
+        console.print(f"[red]failed[/] {check.name}: {check.detail}")
+    if answer.bound is not None:
+        tell(answer.bound.statement)
+    tell(answer.remark)
