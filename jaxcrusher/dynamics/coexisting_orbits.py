@@ -129,8 +129,8 @@ def coexisting_orbits(
         if not going:
             break
         cases = state[going], _repeated(scene, len(going))
-        states, success = run_all(advance, cases, len(going), whole=LANES)
-        state[going] = states[:, -1]
+        states, outcome = run_all(advance, cases, len(going), whole=LANES)
+        state[going], success = states[:, -1], np.asarray(outcome.success)
         failed += int(np.sum(~success))
         ended = zip(going, states, success, strict=True)
         seen = {n: _oscillations(s, pins) for n, s, good in ended if good}

@@ -15,26 +15,32 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from jaxcrusher.basics.record import words
 from jaxcrusher.batch.engines import Engine, run_all
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import Scene
-from jaxcrusher.motion.indicators import CHAOS, ENOUGH, spread_trend, verdict, widest, zero_one_test
+from jaxcrusher.motion.indicators import CHAOS
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import fine
-from jaxcrusher.motion.statistics import Statistics, by_turns, of_whirl, statistics
+from jaxcrusher.motion.statistics import Statistics, by_turns
 from jaxcrusher.orbits.forced import pins
+from jaxcrusher.orbits.oscillation import about_means
+from jaxcrusher.orbits.result import RESULTS
 from jaxcrusher.orbits.shot import STEPS
 from jaxcrusher.orbits.transient import (
     APART,
-    REPEATED,
+    PIECE,
+    REPEATS,
     TURNS,
     WAIT_RTOL,
     Round,
     SceneAt,
+    growth_of,
     one_period,
     resting_start,
     section_points,
+    whirls_next,
 )
 from jaxcrusher.periodic.shooting_problem import CLOSURE
 
@@ -46,8 +52,6 @@ FINE = 1e-10
 # Steps of these differences: a share of the spread of section points, and the shortest one. A
 # spread as wide as the motion is deep bends the map by 1e-4 over the first.
 SHARE, SHORTEST = 0.01, 1e-6
-# Turns over which the distance of two motions is followed, which tells chaos.
-GROWN = 24
 # Cases of a chunk on a cluster.
 WORKER_CASES = 4 * LANES
 
@@ -107,9 +111,9 @@ class LaneWaits:
             self._at[case], self._seen[case] = states[i], []
             self._scenes[case] = jax.tree.map(lambda leaf, i=i: leaf[i], scenes)
 
-    def last(self, case: int) -> Round:
+    def last(self, case: int, growth: float = 0.0) -> Round:
         """Return the section points of the last half of a case's turns."""
-        return Round(self._joined(case, "states"))
+        return Round(self._joined(case, "states"), growth)
 
     def succeeded(self, case: int) -> bool:
         """Tell whether a case has been integrated to the end."""
@@ -130,9 +134,9 @@ class LaneWaits:
         self, which: Int[np.ndarray, " some"], period: int
     ) -> tuple[Float[np.ndarray, "some dims"], Float[np.ndarray, "some dims"]]:
         """Return means of section points of some cases, a period apart, and their spread."""
-        points = [self.last(case).states[period - 1 :: period] for case in which.tolist()]
-        spreads = np.array([one.std(axis=0) for one in points])
-        return np.array([one.mean(axis=0) for one in points]), spreads
+        seen = [about_means(self.last(case).states, period) for case in which.tolist()]
+        spreads = [np.sqrt(np.mean(apart[:, -1] ** 2, axis=0)) for _, apart in seen]
+        return np.array([means[-1] for means, _ in seen]), np.array(spreads)
 
     def hopeless(self, which: Int[np.ndarray, " some"]) -> Bool[np.ndarray, " some"]:
         """Tell which cases no further turns lead to an orbit: they fail, whirl or are chaotic."""
@@ -170,41 +174,31 @@ class LaneWaits:
         return Points(point, moduli, closed)
 
     def _growth(self, which: list[int]) -> Float[np.ndarray, " some"]:
-        """Return the logarithm of what a disturbance of some cases grows by in a turn."""
-        one = self._states(which)
-        other, growth = one + APART / np.sqrt(one.shape[1]), np.zeros(len(which))
-        for _ in range(GROWN):
-            both = self._turns(np.concatenate([one, other]), 2 * which, 1)
-            one, other = np.split(both, 2)
-            apart = np.linalg.norm(other - one, axis=1)
-            growth += np.log(apart / APART) / GROWN
-            other = one + (other - one) * (APART / apart)[:, None]
-        return growth
+        """Return by `growth_of` what a disturbance of some cases grows by."""
+        ends = np.stack([self.last(case).states[-PIECE - 1 :] for case in which])
+        begun, go_on = ends[:, 0], eqx.Partial(section_points, turns=PIECE, rtol=WAIT_RTOL)
+        beside, _ = self._run(go_on, begun + APART / np.sqrt(begun.shape[1]), which)
+        return growth_of(ends[:, 1:], beside)
 
     def names(self, which: Int[np.ndarray, " some"]) -> list[str]:
-        """Say in a word or two what the motions of some cases are."""
+        """Say what the motions of some cases are."""
         known = which.tolist()
         growth, whirls = self._growth(known).tolist(), self._whirls(known).tolist()
-        return [self._name(*seen) for seen in zip(known, growth, whirls, strict=True)]
+        seen = zip(known, growth, whirls, strict=True)
+        return [words(RESULTS, self._motion(*one)) for one in seen]
 
     def _whirls(self, which: list[int]) -> Bool[np.ndarray, " some"]:
-        return self._run(_whirls, self._states(which), which)
+        return self._run(whirls_next, self._states(which), which)[0]
 
-    def _name(self, case: int, growth: float, whirls: bool) -> str:
+    def _motion(self, case: int, growth: float, whirls: bool) -> RESULTS:
         if not self.succeeded(case):
-            return "failed"
+            return RESULTS.not_integrated
         if whirls:
-            return "whirl"
-        last = self.last(case)
-        points, period = last.states, last.repeats_after()
-        if period is None and growth > CHAOS:
-            return "chaotic"
-        period = self._shorter(case, last) if period is None else period
-        if period is not None:
-            return f"period {period}"
-        zero_one = zero_one_test(widest(points)) if len(points) >= ENOUGH else None
-        trending = spread_trend(points, noise=REPEATED)[1]
-        return verdict(None, False, zero_one, trending=trending, neutral=True)
+            return RESULTS.whirl
+        last = self.last(case, growth)
+        known = last.chaotic or last.repeats_after() is not None
+        period = None if known else self._shorter(case, last)
+        return last.motion() if period is None else REPEATS[period - 1]
 
     def _shorter(self, case: int, last: Round) -> int | None:
         """Return the turns of a stable orbit that a motion swings about."""
@@ -265,8 +259,3 @@ def _after(case: SceneAt, turns: int) -> Array:
 # What is jitted in a module cannot be pickled.
 def _one_period(case: SceneAt, period: int) -> tuple[Array, Array]:
     return one_period(case, period=period)
-
-
-def _whirls(case: SceneAt) -> Array:
-    state, scene = case
-    return statistics(scene, 0, 2, outputs=of_whirl(scene), state=state, rtol=WAIT_RTOL).whirl

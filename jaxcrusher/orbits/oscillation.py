@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Float, Int
 
 from jaxcrusher.orbits.result import PeriodicOrbit
 
@@ -29,6 +29,18 @@ class Oscillation(NamedTuple):
         return distance(section, self.middle) < self.allowed
 
 
+def about_means(
+    states: Float[Array | np.ndarray, "turns dims"], period: int
+) -> tuple[Float[Array | np.ndarray, "period dims"], Float[Array | np.ndarray, "some period dims"]]:
+    """Return means of states that are `period` turns apart, and the states from these.
+
+    The last mean is that of the last state's turn; the first turns that fill no period are left.
+    """
+    parts = states[len(states) % period :].reshape(-1, period, states.shape[1])
+    means = parts.mean(axis=0)
+    return means, parts - means
+
+
 def oscillation_about(
     states: Float[np.ndarray, "turns dims"], period: int, pins: Int[np.ndarray, " half"]
 ) -> Oscillation:
@@ -37,10 +49,9 @@ def oscillation_about(
     The numbers `pins` of a state are looked at (see `jaxcrusher.mechanism.state.pins_of`), and no
     frame that stands on springs.
     """
-    parts = states.reshape(-1, period, states.shape[1])
-    centre = parts.mean(axis=0)
-    apart = (parts - centre)[..., pins]
-    return Oscillation(centre, centre[..., pins], float(np.sqrt(np.mean(apart**2))))
+    centre, apart = about_means(states, period)
+    spread = float(np.sqrt(np.mean(apart[..., pins] ** 2)))
+    return Oscillation(centre, centre[..., pins], spread)
 
 
 def section_of(orbit: PeriodicOrbit) -> Float[np.ndarray, "period half"]:
