@@ -144,7 +144,8 @@ class LaneWaits:
         if not known:
             return np.zeros(0, bool)
         failed = np.array([not self.succeeded(case) for case in known])
-        return failed | self._whirls(known) | (self._growth(known) > CHAOS)
+        growth, whirls = self._ahead(known)
+        return failed | whirls | (growth > CHAOS)
 
     def near(self, which: Int[np.ndarray, " some"], period: int) -> Points:
         """Return the section points near the means of some cases that repeat after a period.
@@ -162,7 +163,7 @@ class LaneWaits:
                 break
             begun = point[going] + shifts[:, None] * steps[going]
             cases = len(shifts) * which[going].tolist()
-            ends = self._turns(begun.reshape(-1, dims), cases, period)
+            ends = self._turns(begun.reshape(-1, dims), cases, period, FINE)
             at, above, below = np.split(ends.reshape(begun.shape), [1, 1 + dims])
             matrix = np.moveaxis((above - below) / (2 * steps[going].T[..., None]), 0, -1)
             known = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
@@ -173,22 +174,20 @@ class LaneWaits:
             closed[going] = known & (np.max(np.abs(step), axis=1) < CLOSURE)
         return Points(point, moduli, closed)
 
-    def _growth(self, which: list[int]) -> Float[np.ndarray, " some"]:
-        """Return by `growth_of` what a disturbance of some cases grows by."""
-        ends = np.stack([self.last(case).states[-PIECE - 1 :] for case in which])
-        begun, go_on = ends[:, 0], eqx.Partial(section_points, turns=PIECE, rtol=WAIT_RTOL)
-        beside, _ = self._run(go_on, begun + APART / np.sqrt(begun.shape[1]), which)
-        return growth_of(ends[:, 1:], beside)
-
     def names(self, which: Int[np.ndarray, " some"]) -> list[str]:
         """Say what the motions of some cases are."""
         known = which.tolist()
-        growth, whirls = self._growth(known).tolist(), self._whirls(known).tolist()
-        seen = zip(known, growth, whirls, strict=True)
-        return [words(RESULTS, self._motion(*one)) for one in seen]
+        motions = map(self._motion, known, *self._ahead(known))
+        return [words(RESULTS, motion) for motion in motions]
 
-    def _whirls(self, which: list[int]) -> Bool[np.ndarray, " some"]:
-        return self._run(whirls_next, self._states(which), which)[0]
+    def _ahead(
+        self, which: list[int]
+    ) -> tuple[Float[np.ndarray, " some"], Bool[np.ndarray, " some"]]:
+        """Return what a disturbance of some cases grows by, and which of them whirl."""
+        begun = np.stack([self.last(case).states[-PIECE - 1] for case in which])
+        end, beside = self._states(which), begun + APART / np.sqrt(begun.shape[1])
+        growth = growth_of(end, self._turns(beside, which, PIECE, WAIT_RTOL))
+        return np.atleast_1d(growth), self._run(whirls_next, end, which)[0]
 
     def _motion(self, case: int, growth: float, whirls: bool) -> RESULTS:
         if not self.succeeded(case):
@@ -196,22 +195,20 @@ class LaneWaits:
         if whirls:
             return RESULTS.whirl
         last = self.last(case, growth)
-        known = last.chaotic or last.repeats_after() is not None
-        period = None if known else self._shorter(case, last)
-        return last.motion() if period is None else REPEATS[period - 1]
+        *_, (period, _) = last.means(None)
+        if period > 1 and not last.chaotic:
+            # It may swing about a stable orbit of more turns.
+            found = self.near(np.array([case]), period)
+            if bool(found.closed[0]) and float(found.multipliers[0]) < 1:
+                return REPEATS[min(period, len(REPEATS)) - 1]
+        return last.motion()
 
-    def _shorter(self, case: int, last: Round) -> int | None:
-        """Return the turns of a stable orbit that a motion swings about."""
-        for period, _ in last.means(None):
-            if period > 1:
-                found = self.near(np.array([case]), period)
-                if bool(found.closed[0]) and float(found.multipliers[0]) < 1:
-                    return period
-        return None
-
-    def _turns(self, states: np.ndarray, which: list[int], turns: int) -> np.ndarray:
-        """Return where some turns lead from section points of cases, exactly."""
-        return self._run(eqx.Partial(_after, turns=turns), states, which)
+    def _turns(
+        self, states: np.ndarray, which: list[int], turns: int, rtol: float
+    ) -> Float[np.ndarray, "some dims"]:
+        """Return where some turns lead from section points of cases."""
+        go_on = eqx.Partial(section_points, turns=turns, rtol=rtol)
+        return self._run(go_on, states, which)[0][:, -1]
 
     def one_period(
         self, which: Int[np.ndarray, " some"], states: np.ndarray, period: int
@@ -221,7 +218,7 @@ class LaneWaits:
         With it comes where every pin keeps contact.
         """
         known = which.tolist()
-        orbits, success = self._run(eqx.Partial(_one_period, period=period), states, known)
+        orbits, success = self._run(eqx.Partial(one_period, period=period), states, known)
         kept = np.all(np.linalg.norm(pins(orbits), axis=3) > 1, axis=(1, 2)) & success
         return np.where(success[:, None, None], orbits, np.nan), kept
 
@@ -250,12 +247,3 @@ def _on(case: SceneAt) -> dict[str, Array]:
     outputs, method = scene.entries((scene.leading,)), resolve(scene, WAIT_RTOL)
     points, by_turn, outcome = by_turns(scene, state, TURNS, outputs, method)
     return {"states": points, "success": outcome.success, **by_turn}
-
-
-def _after(case: SceneAt, turns: int) -> Array:
-    return section_points(case, turns=turns, rtol=FINE)[0][-1]
-
-
-# What is jitted in a module cannot be pickled.
-def _one_period(case: SceneAt, period: int) -> tuple[Array, Array]:
-    return one_period(case, period=period)

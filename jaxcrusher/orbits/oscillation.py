@@ -1,9 +1,9 @@
 """Free oscillations about an orbit: the mean of section points, and its distance from an orbit."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int
 
 from jaxcrusher.orbits.result import PeriodicOrbit
 
@@ -29,12 +29,10 @@ class Oscillation(NamedTuple):
         return distance(section, self.middle) < self.allowed
 
 
-def about_means(
-    states: Float[Array | np.ndarray, "turns dims"], period: int
-) -> tuple[Float[Array | np.ndarray, "period dims"], Float[Array | np.ndarray, "some period dims"]]:
-    """Return means of states that are `period` turns apart, and the states from these.
+def about_means(states: Any, period: int) -> tuple[Any, Any]:
+    """Return means of states so many turns apart, and how far the states are from these.
 
-    The last mean is that of the last state's turn; the first turns that fill no period are left.
+    The last mean is that of the last state. First states that fill no period are left out.
     """
     parts = states[len(states) % period :].reshape(-1, period, states.shape[1])
     means = parts.mean(axis=0)

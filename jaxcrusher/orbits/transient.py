@@ -5,7 +5,6 @@ leaves a guess from which Newton's method converges.
 """
 
 import functools
-import itertools
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,23 +13,15 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Scalar
+from jaxtyping import Array, Bool, Float
 
 from jaxcrusher.basics import integrate as integration
 from jaxcrusher.basics.integrate import Outcome, integrate
 from jaxcrusher.basics.record import words
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import InContact
+from jaxcrusher.motion import indicators
 from jaxcrusher.motion.flow import Flow, initial_state, unflattened
-from jaxcrusher.motion.indicators import (
-    CHAOS,
-    ENOUGH,
-    ORDER,
-    detect_period,
-    spread_trend,
-    widest,
-    zero_one_test,
-)
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.statistics import by_turns, of_whirl, statistics, statistics_problem
 from jaxcrusher.orbits.effort import Spent
@@ -52,9 +43,10 @@ ANGLES = 96
 LONGEST, NARROWER = 4, 0.5
 # Section points so near, in clearances and m/s, repeat.
 REPEATED = 1e-4
-# How far a disturbance is from a motion, in clearances and m/s, at first and when it has grown.
-APART, FAR = 1e-5, 0.1
-REPEATS = RESULTS.repeats_1, RESULTS.repeats_2, RESULTS.repeats_3, RESULTS.repeats_4
+# How far a disturbance is from a motion, in clearances and m/s, at first.
+APART = 1e-5
+# Names of motions that repeat after so many turns, and of all longer ones.
+REPEATS = (*(getattr(RESULTS, f"repeats_{n}") for n in range(1, 5)), RESULTS.repeats_late)
 
 _LOG = logging.getLogger(__name__)
 
@@ -74,7 +66,7 @@ def section_points(
     return states, outcome
 
 
-# The next `PIECE` turns. What is jitted in a module cannot be pickled.
+# What is jitted in a module cannot be pickled.
 piece = eqx.filter_jit(eqx.Partial(section_points, turns=PIECE, rtol=WAIT_RTOL))
 
 
@@ -85,19 +77,12 @@ def resting_start(scene: Scene) -> SceneAt:
     return initial_state(scene), scene
 
 
-def section_mean(
-    case: SceneAt, *, period: int
-) -> tuple[Float[Array, " dims"], Scalar, Bool[Array, ""]]:
-    """Return the mean section point of some hundred turns, `period` apart.
-
-    With it come how far they are from it, root mean square, and whether the integration succeeded.
-    """
-    states, outcome = section_points(case, turns=TURNS, rtol=WAIT_RTOL)
-    means, apart = about_means(states[TURNS // 2 :], period)
-    return means[-1], jnp.sqrt(jnp.mean(apart[:, -1] ** 2)), outcome.success
+def section_mean(case: SceneAt, *, period: int) -> Float[Array, " dims"]:
+    """Return the mean section point of some hundred turns, `period` apart."""
+    states, _ = section_points(case, turns=TURNS, rtol=WAIT_RTOL)
+    return about_means(states[TURNS // 2 :], period)[0][-1]
 
 
-@eqx.filter_jit
 def one_period(
     case: SceneAt, *, period: int
 ) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
@@ -116,6 +101,9 @@ def one_period(
     return jnp.concatenate([coordinates(state)[None], path]), outcome.success
 
 
+_one_period = eqx.filter_jit(one_period)
+
+
 def whirls_next(case: SceneAt, most: int | None = None) -> tuple[Bool[Array, ""], Outcome]:
     """Return whether the next two turns whirl, in so many steps a turn, and how they ended."""
     state, scene = case
@@ -125,19 +113,14 @@ def whirls_next(case: SceneAt, most: int | None = None) -> tuple[Bool[Array, ""]
 
 
 def growth_of(
-    states: Float[np.ndarray, "*cases turns dims"], beside: Float[np.ndarray, "*cases turns dims"]
-) -> Float[np.ndarray, "*cases"]:
+    end: Float[np.ndarray, "*cases dims"], beside: Float[np.ndarray, "*cases dims"]
+) -> Float[np.ndarray, "*cases"] | np.float64:
     """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980).
 
-    It is that of a motion that begins `APART` beside the one of section points `states`, until it
-    is far.
+    It is that of motions whose `PIECE` turns end so, and which began `APART`. Of those that are as
+    far from each other as they come it is at least 0.3.
     """
-    apart = np.linalg.norm(beside - states, axis=-1)
-    far = apart > FAR
-    far[..., -1] = True
-    last = np.argmax(far, axis=-1, keepdims=True)
-    grown = np.log(np.take_along_axis(apart, last, axis=-1) / APART)
-    return (grown / (last + 1))[..., 0]
+    return np.log(np.linalg.norm(beside - end, axis=-1) / APART) / PIECE
 
 
 @dataclass(frozen=True)
@@ -150,18 +133,20 @@ class Round:
     @property
     def chaotic(self) -> bool:
         """Whether disturbances grow."""
-        return self.growth > CHAOS
+        return self.growth > indicators.CHAOS
 
     def motion(self) -> RESULTS:
         """Name the motion, which neither fails nor whirls."""
         if period := self.repeats_after():
-            return REPEATS[period - 1] if period <= LONGEST else RESULTS.repeats_late
+            return REPEATS[min(period, len(REPEATS)) - 1]
         if self.chaotic:
             return RESULTS.chaotic
-        if spread_trend(self.states, noise=REPEATED)[1]:
+        if indicators.spread_trend(self.states, noise=REPEATED)[1]:
             return RESULTS.unsettled
-        ordered = len(self.states) >= ENOUGH and zero_one_test(widest(self.states)) < ORDER
-        return RESULTS.quasi_periodic if ordered else RESULTS.aperiodic
+        if len(self.states) < indicators.ENOUGH:
+            return RESULTS.aperiodic
+        disorder = indicators.zero_one_test(indicators.widest(self.states))
+        return RESULTS.quasi_periodic if disorder < indicators.ORDER else RESULTS.aperiodic
 
     def means(self, period: int | None) -> Iterator[tuple[int, Float[Array, " dims"]]]:
         """Yield numbers of turns and the mean of section points so far apart.
@@ -169,15 +154,15 @@ class Round:
         Without a `period` that is 1, and the least up to `LONGEST` about whose means the motion
         is clearly narrower.
         """
-        one = self._spread(1)
-        longer = (p for p in range(2, LONGEST + 1) if self._spread(p) < NARROWER * one)
-        periods = (1, *itertools.islice(longer, 1)) if period is None else (period,)
-        for turns in periods:
+        enough = NARROWER * self._spread(1)
+        longer = next((p for p in range(2, LONGEST + 1) if self._spread(p) < enough), 1)
+        for turns in sorted({1, longer}) if period is None else (period,):
             yield turns, jnp.asarray(about_means(self.states, turns)[0][-1])
 
     def repeats_after(self) -> int | None:
         """Return the least number of turns after which the last points repeat."""
-        return detect_period(self.states[-TURNS // 2 :], tolerance=0.0, noise=REPEATED)
+        states = self.states[-TURNS // 2 :]
+        return indicators.detect_period(states, tolerance=0.0, noise=REPEATED)
 
     def _spread(self, period: int) -> float:
         return float(np.sqrt(np.mean(about_means(self.states, period)[1] ** 2)))
@@ -218,7 +203,7 @@ class Wait:
         self, state: Array, turns: int
     ) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
         """Return e / c over so many turns from a section point, as `one_period` does."""
-        return one_period((state, self._begun[1]), period=turns)
+        return _one_period((state, self._begun[1]), period=turns)
 
     @property
     def _state(self) -> Array:
@@ -247,7 +232,7 @@ class Wait:
                 seen, self._ended = np.concatenate([seen, states]), states[-1]
             ends = not self.spent.affords(2 * PIECE)
             if len(seen) and (turn & (turn + 1) == 0 or ends):  # a power of two, or the last
-                growth = self.growth(begun, seen[-PIECE:])
+                growth = self.growth(begun, seen[-1])
                 self._last = Round(seen[len(seen) // 2 :], growth)
                 yield self._last
                 # Chaos of the first round may be of a transient.
@@ -266,11 +251,11 @@ class Wait:
             return self._end
         return otherwise if self._last is None else self._last.motion()
 
-    def growth(self, begun: Array, states: Float[np.ndarray, "turns dims"]) -> float:
-        """Return by `growth_of` what a disturbance of a piece grows by that has begun so."""
+    def growth(self, begun: Array, end: Float[np.ndarray, " dims"]) -> float:
+        """Return by `growth_of` what a disturbance grows by in a piece that begins and ends so."""
         beside, outcome = self.piece(begun + APART / np.sqrt(begun.size))
         self.spent.integrated(outcome, PIECE)
-        return float(growth_of(states, np.asarray(beside)))
+        return float(growth_of(end, np.asarray(beside)[-1]))
 
     def _ends(self) -> bool:
         """Tell whether the next two turns whirl, fail or are too long, and keep which."""
