@@ -177,7 +177,8 @@ class LaneWaits:
     def names(self, which: Int[np.ndarray, " some"]) -> list[str]:
         """Say what the motions of some cases are."""
         known = which.tolist()
-        motions = map(self._motion, known, *self._ahead(known))
+        seen = (column.tolist() for column in self._ahead(known))
+        motions = map(self._motion, known, *seen)
         return [words(RESULTS, motion) for motion in motions]
 
     def _ahead(

@@ -50,7 +50,7 @@ class RESULTS(newton.RESULTS):  # pyright: ignore
     repeats_late = "The motion from rest repeats after 5 to 32 turns."
     chaotic = "The motion from rest is chaotic: disturbances of it grow."
     unsettled = "The motion from rest has not settled within the wait: its spread still changes."
-    quasi_periodic = "The motion from rest is quasi-periodic: it turns round an orbit for ever."
+    quasi_periodic = "The motion from rest looks quasi-periodic: it does not repeat or settle."
     aperiodic = "The motion from rest does not repeat within the wait, and is not chaotic."
 
 
