@@ -218,7 +218,7 @@ class Wait:
         seen = np.zeros((0, len(self._state)))
         last = self.spent.bounds.turns // TURNS - 1
         for turn in range(last + 1):
-            if self._ends():
+            if self._ends() is not None:
                 return
             _LOG.info("waiting: turns %d to %d from rest", turn * TURNS + 1, (turn + 1) * TURNS)
             while len(seen) < (turn + 1) * TURNS and self.spent.affords(2 * PIECE):
@@ -247,8 +247,8 @@ class Wait:
 
     def regime(self, otherwise: RESULTS) -> RESULTS:
         """Name what the motion does that has no orbit."""
-        if self._ends():
-            return self._end
+        if (end := self._ends()) is not None:
+            return end
         return otherwise if self._last is None else self._last.motion()
 
     def growth(self, begun: Array, end: Float[np.ndarray, " dims"]) -> float:
@@ -257,10 +257,10 @@ class Wait:
         self.spent.integrated(outcome, PIECE)
         return float(growth_of(end, np.asarray(beside)[-1]))
 
-    def _ends(self) -> bool:
-        """Tell whether the next two turns whirl, fail or are too long, and keep which."""
+    def _ends(self) -> RESULTS | None:
+        """Tell why a wait ends: the next two turns whirl, fail or are too long."""
         if self._end is not None:
-            return True
+            return self._end
         bounds = self.spent.bounds
         # More steps a turn leave no piece of turns within the bound.
         most = int(bounds.steps / PIECE) if bounds.bounded else None
@@ -271,4 +271,4 @@ class Wait:
             self._end = RESULTS.too_long if long else RESULTS.not_integrated
         elif whirls:
             self._end = RESULTS.whirl
-        return self._end is not None
+        return self._end
