@@ -128,9 +128,9 @@ def coexisting_orbits(
     for look in range(LOOKS):
         if not going:
             break
-        cases = state[going], _repeated(scene, len(going))
-        states, success = run_all(advance, cases, len(going), whole=LANES)
-        state[going] = states[:, -1]
+        cases = state[going], jax.tree.map(lambda *leaves: np.stack(leaves), *len(going) * [scene])
+        states, outcome = run_all(advance, cases, len(going), whole=LANES)
+        state[going], success = states[:, -1], np.asarray(outcome.success)
         failed += int(np.sum(~success))
         ended = zip(going, states, success, strict=True)
         seen = {n: _oscillations(s, pins) for n, s, good in ended if good}
@@ -187,10 +187,6 @@ def _shifted(
         np.stack([offsets.real, offsets.imag], axis=2).transpose(1, 0, 2).reshape(starts, -1)
     )
     return begun
-
-
-def _repeated(scene: Scene, count: int) -> Scene:
-    return jax.tree.map(lambda leaf: np.broadcast_to(leaf, (count, *np.shape(leaf))), scene)
 
 
 # The oscillations about orbits of so many turns.

@@ -15,26 +15,32 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from jaxcrusher.basics.record import words
 from jaxcrusher.batch.engines import Engine, run_all
 from jaxcrusher.files.journal import Journal
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import Scene
-from jaxcrusher.motion.indicators import CHAOS, ENOUGH, spread_trend, verdict, widest, zero_one_test
+from jaxcrusher.motion.indicators import CHAOS
 from jaxcrusher.motion.method import resolve
 from jaxcrusher.motion.section import fine
-from jaxcrusher.motion.statistics import Statistics, by_turns, of_whirl, statistics
+from jaxcrusher.motion.statistics import Statistics, by_turns
 from jaxcrusher.orbits.forced import pins
+from jaxcrusher.orbits.oscillation import about_means
+from jaxcrusher.orbits.result import RESULTS
 from jaxcrusher.orbits.shot import STEPS
 from jaxcrusher.orbits.transient import (
     APART,
-    REPEATED,
+    PIECE,
+    REPEATS,
     TURNS,
     WAIT_RTOL,
     Round,
     SceneAt,
+    growth_of,
     one_period,
     resting_start,
     section_points,
+    whirls_next,
 )
 from jaxcrusher.periodic.shooting_problem import CLOSURE
 
@@ -46,8 +52,6 @@ FINE = 1e-10
 # Steps of these differences: a share of the spread of section points, and the shortest one. A
 # spread as wide as the motion is deep bends the map by 1e-4 over the first.
 SHARE, SHORTEST = 0.01, 1e-6
-# Turns over which the distance of two motions is followed, which tells chaos.
-GROWN = 24
 # Cases of a chunk on a cluster.
 WORKER_CASES = 4 * LANES
 
@@ -107,9 +111,9 @@ class LaneWaits:
             self._at[case], self._seen[case] = states[i], []
             self._scenes[case] = jax.tree.map(lambda leaf, i=i: leaf[i], scenes)
 
-    def last(self, case: int) -> Round:
+    def last(self, case: int, growth: float = 0.0) -> Round:
         """Return the section points of the last half of a case's turns."""
-        return Round(self._joined(case, "states"))
+        return Round(self._joined(case, "states"), growth)
 
     def succeeded(self, case: int) -> bool:
         """Tell whether a case has been integrated to the end."""
@@ -130,9 +134,9 @@ class LaneWaits:
         self, which: Int[np.ndarray, " some"], period: int
     ) -> tuple[Float[np.ndarray, "some dims"], Float[np.ndarray, "some dims"]]:
         """Return means of section points of some cases, a period apart, and their spread."""
-        points = [self.last(case).states[period - 1 :: period] for case in which.tolist()]
-        spreads = np.array([one.std(axis=0) for one in points])
-        return np.array([one.mean(axis=0) for one in points]), spreads
+        seen = [about_means(self.last(case).states, period) for case in which.tolist()]
+        spreads = [np.sqrt(np.mean(apart[:, -1] ** 2, axis=0)) for _, apart in seen]
+        return np.array([means[-1] for means, _ in seen]), np.array(spreads)
 
     def hopeless(self, which: Int[np.ndarray, " some"]) -> Bool[np.ndarray, " some"]:
         """Tell which cases no further turns lead to an orbit: they fail, whirl or are chaotic."""
@@ -140,7 +144,8 @@ class LaneWaits:
         if not known:
             return np.zeros(0, bool)
         failed = np.array([not self.succeeded(case) for case in known])
-        return failed | self._whirls(known) | (self._growth(known) > CHAOS)
+        growth, whirls = self._ahead(known)
+        return failed | whirls | (growth > CHAOS)
 
     def near(self, which: Int[np.ndarray, " some"], period: int) -> Points:
         """Return the section points near the means of some cases that repeat after a period.
@@ -158,7 +163,7 @@ class LaneWaits:
                 break
             begun = point[going] + shifts[:, None] * steps[going]
             cases = len(shifts) * which[going].tolist()
-            ends = self._turns(begun.reshape(-1, dims), cases, period)
+            ends = self._turns(begun.reshape(-1, dims), cases, period, FINE)
             at, above, below = np.split(ends.reshape(begun.shape), [1, 1 + dims])
             matrix = np.moveaxis((above - below) / (2 * steps[going].T[..., None]), 0, -1)
             known = np.asarray(np.isfinite(matrix).all(axis=(1, 2)))
@@ -169,55 +174,42 @@ class LaneWaits:
             closed[going] = known & (np.max(np.abs(step), axis=1) < CLOSURE)
         return Points(point, moduli, closed)
 
-    def _growth(self, which: list[int]) -> Float[np.ndarray, " some"]:
-        """Return the logarithm of what a disturbance of some cases grows by in a turn."""
-        one = self._states(which)
-        other, growth = one + APART / np.sqrt(one.shape[1]), np.zeros(len(which))
-        for _ in range(GROWN):
-            both = self._turns(np.concatenate([one, other]), 2 * which, 1)
-            one, other = np.split(both, 2)
-            apart = np.linalg.norm(other - one, axis=1)
-            growth += np.log(apart / APART) / GROWN
-            other = one + (other - one) * (APART / apart)[:, None]
-        return growth
-
     def names(self, which: Int[np.ndarray, " some"]) -> list[str]:
-        """Say in a word or two what the motions of some cases are."""
+        """Say what the motions of some cases are."""
         known = which.tolist()
-        growth, whirls = self._growth(known).tolist(), self._whirls(known).tolist()
-        return [self._name(*seen) for seen in zip(known, growth, whirls, strict=True)]
+        seen = (column.tolist() for column in self._ahead(known))
+        motions = map(self._motion, known, *seen)
+        return [words(RESULTS, motion) for motion in motions]
 
-    def _whirls(self, which: list[int]) -> Bool[np.ndarray, " some"]:
-        return self._run(_whirls, self._states(which), which)
+    def _ahead(
+        self, which: list[int]
+    ) -> tuple[Float[np.ndarray, " some"], Bool[np.ndarray, " some"]]:
+        """Return what a disturbance of some cases grows by, and which of them whirl."""
+        begun = np.stack([self.last(case).states[-PIECE - 1] for case in which])
+        end, beside = self._states(which), begun + APART / np.sqrt(begun.shape[1])
+        growth = growth_of(end, self._turns(beside, which, PIECE, WAIT_RTOL))
+        return np.atleast_1d(growth), self._run(whirls_next, end, which)[0]
 
-    def _name(self, case: int, growth: float, whirls: bool) -> str:
+    def _motion(self, case: int, growth: float, whirls: bool) -> RESULTS:
         if not self.succeeded(case):
-            return "failed"
+            return RESULTS.not_integrated
         if whirls:
-            return "whirl"
-        last = self.last(case)
-        points, period = last.states, last.repeats_after()
-        if period is None and growth > CHAOS:
-            return "chaotic"
-        period = self._shorter(case, last) if period is None else period
-        if period is not None:
-            return f"period {period}"
-        zero_one = zero_one_test(widest(points)) if len(points) >= ENOUGH else None
-        trending = spread_trend(points, noise=REPEATED)[1]
-        return verdict(None, False, zero_one, trending=trending, neutral=True)
+            return RESULTS.whirl
+        last = self.last(case, growth)
+        *_, (period, _) = last.means(None)
+        if period > 1 and not last.chaotic:
+            # It may swing about a stable orbit of more turns.
+            found = self.near(np.array([case]), period)
+            if bool(found.closed[0]) and float(found.multipliers[0]) < 1:
+                return REPEATS[min(period, len(REPEATS)) - 1]
+        return last.motion()
 
-    def _shorter(self, case: int, last: Round) -> int | None:
-        """Return the turns of a stable orbit that a motion swings about."""
-        for period, _ in last.means(None):
-            if period > 1:
-                found = self.near(np.array([case]), period)
-                if bool(found.closed[0]) and float(found.multipliers[0]) < 1:
-                    return period
-        return None
-
-    def _turns(self, states: np.ndarray, which: list[int], turns: int) -> np.ndarray:
-        """Return where some turns lead from section points of cases, exactly."""
-        return self._run(eqx.Partial(_after, turns=turns), states, which)
+    def _turns(
+        self, states: np.ndarray, which: list[int], turns: int, rtol: float
+    ) -> Float[np.ndarray, "some dims"]:
+        """Return where some turns lead from section points of cases."""
+        go_on = eqx.Partial(section_points, turns=turns, rtol=rtol)
+        return self._run(go_on, states, which)[0][:, -1]
 
     def one_period(
         self, which: Int[np.ndarray, " some"], states: np.ndarray, period: int
@@ -227,7 +219,7 @@ class LaneWaits:
         With it comes where every pin keeps contact.
         """
         known = which.tolist()
-        orbits, success = self._run(eqx.Partial(_one_period, period=period), states, known)
+        orbits, success = self._run(eqx.Partial(one_period, period=period), states, known)
         kept = np.all(np.linalg.norm(pins(orbits), axis=3) > 1, axis=(1, 2)) & success
         return np.where(success[:, None, None], orbits, np.nan), kept
 
@@ -256,17 +248,3 @@ def _on(case: SceneAt) -> dict[str, Array]:
     outputs, method = scene.entries((scene.leading,)), resolve(scene, WAIT_RTOL)
     points, by_turn, outcome = by_turns(scene, state, TURNS, outputs, method)
     return {"states": points, "success": outcome.success, **by_turn}
-
-
-def _after(case: SceneAt, turns: int) -> Array:
-    return section_points(case, turns=turns, rtol=FINE)[0][-1]
-
-
-# What is jitted in a module cannot be pickled.
-def _one_period(case: SceneAt, period: int) -> tuple[Array, Array]:
-    return one_period(case, period=period)
-
-
-def _whirls(case: SceneAt) -> Array:
-    state, scene = case
-    return statistics(scene, 0, 2, outputs=of_whirl(scene), state=state, rtol=WAIT_RTOL).whirl

@@ -78,9 +78,9 @@ def orbit_map(
     `metric` per unit of the parameter), and `multiplier_real`, `multiplier_imag` (with a dimension
     `multiplier`, in no order). `success`, `stable` and `undecided` are logical, `found` is in
     words. Where there is no success every number is NaN, and `failure` says why. Where no orbit is
-    stable, `motion` says what the motion from rest is: "quasi-periodic", "period 2" and so on,
-    "chaotic", "whirl", "not settled", "undecided" or "failed"; `run_rms` is its RMS over the last
-    half of the turns that were waited for, and `run_rms_error` the standard error of that.
+    stable, `motion` says what the motion from rest does, in the words of
+    `PeriodicOrbit.instability`; `run_rms` is its RMS over the last half of the turns that were
+    waited for, and `run_rms_error` the standard error of that.
 
     Raises ValueError for bad arguments, and in one line for scenes that have no such orbit;
     RuntimeError for workers that fail, and ImportError as `jaxcrusher.sweep` does.

@@ -12,17 +12,9 @@ from jaxcrusher.basics.integrate import Outcome
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import Scene, require_scene
 from jaxcrusher.mechanism.state import pins_of
+from jaxcrusher.motion import indicators
 from jaxcrusher.motion.flow import initial_state
-from jaxcrusher.motion.indicators import (
-    CHAOS,
-    Lyapunov,
-    detect_period,
-    lyapunov_spectrum,
-    spread_trend,
-    verdict,
-    widest,
-    zero_one_test,
-)
+from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.section import Section, Slices, poincare_section
 from jaxcrusher.motion.statistics import Statistics, of_whirl
 from jaxcrusher.motion.tangents import SLICES
@@ -136,10 +128,12 @@ def judged(
     if not np.isfinite(along.jacobians).all():
         why = f"the tangents are not finite; {along.failure}".rstrip("; ")
         return Regime("failed", (why,), statistics=summary)
-    exponents = lyapunov_spectrum(along.jacobians, slices=SLICES)
-    zero_one = zero_one_test(widest(points)) if len(points) >= TESTED else None
-    period = detect_period(points, noise=NOISE * rtol)
-    trend, significant = spread_trend(points, noise=NOISE * rtol)
+    exponents = indicators.lyapunov_spectrum(along.jacobians, slices=SLICES)
+    zero_one = (
+        indicators.zero_one_test(indicators.widest(points)) if len(points) >= TESTED else None
+    )
+    period = indicators.detect_period(points, noise=NOISE * rtol)
+    trend, significant = indicators.spread_trend(points, noise=NOISE * rtol)
     largest, error = exponents.exponents[0], exponents.errors[0]
     evidence = [
         f"largest exponent {largest:.3g} ± {error:.2g} a turn",
@@ -150,8 +144,10 @@ def judged(
         f"spread changes by {100 * trend:.0f} %",
     ]
     # Without that test a growth that a swing may have too is none.
-    grows = exponents.positive and (zero_one is not None or largest > CHAOS)
-    name = verdict(period, grows, zero_one, trending=significant, neutral=exponents.neutral)
+    grows = exponents.positive and (zero_one is not None or largest > indicators.CHAOS)
+    name = indicators.verdict(
+        period, grows, zero_one, trending=significant, neutral=exponents.neutral
+    )
     orbit = None if name == "chaotic" else in_contact()
     if orbit is not None:
         # Of neither a torus nor a limit does it tell that a window sees no change in.

@@ -1,6 +1,6 @@
 """Free oscillations about an orbit: the mean of section points, and its distance from an orbit."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -29,6 +29,16 @@ class Oscillation(NamedTuple):
         return distance(section, self.middle) < self.allowed
 
 
+def about_means(states: Any, period: int) -> tuple[Any, Any]:
+    """Return means of states so many turns apart, and how far the states are from these.
+
+    The last mean is that of the last state. First states that fill no period are left out.
+    """
+    parts = states[len(states) % period :].reshape(-1, period, states.shape[1])
+    means = parts.mean(axis=0)
+    return means, parts - means
+
+
 def oscillation_about(
     states: Float[np.ndarray, "turns dims"], period: int, pins: Int[np.ndarray, " half"]
 ) -> Oscillation:
@@ -37,10 +47,9 @@ def oscillation_about(
     The numbers `pins` of a state are looked at (see `jaxcrusher.mechanism.state.pins_of`), and no
     frame that stands on springs.
     """
-    parts = states.reshape(-1, period, states.shape[1])
-    centre = parts.mean(axis=0)
-    apart = (parts - centre)[..., pins]
-    return Oscillation(centre, centre[..., pins], float(np.sqrt(np.mean(apart**2))))
+    centre, apart = about_means(states, period)
+    spread = float(np.sqrt(np.mean(apart[..., pins] ** 2)))
+    return Oscillation(centre, centre[..., pins], spread)
 
 
 def section_of(orbit: PeriodicOrbit) -> Float[np.ndarray, "period half"]:

@@ -43,8 +43,14 @@ class RESULTS(newton.RESULTS):  # pyright: ignore
     not_integrated = "The motion from rest cannot be integrated."
     too_long = "The motion from rest takes more steps a turn than this effort waits for."
     whirl = "The motion from rest is a friction whirl: the pin rolls round its bore."
-    repeats = "The motion from rest repeats after another number of turns, up to 4."
+    repeats_1 = "The motion from rest repeats after each turn."
+    repeats_2 = "The motion from rest repeats after 2 turns."
+    repeats_3 = "The motion from rest repeats after 3 turns."
+    repeats_4 = "The motion from rest repeats after 4 turns."
+    repeats_late = "The motion from rest repeats after 5 to 32 turns."
     chaotic = "The motion from rest is chaotic: disturbances of it grow."
+    unsettled = "The motion from rest has not settled within the wait: its spread still changes."
+    quasi_periodic = "The motion from rest looks quasi-periodic: it does not repeat or settle."
     aperiodic = "The motion from rest does not repeat within the wait, and is not chaotic."
 
 

@@ -5,7 +5,6 @@ leaves a guess from which Newton's method converges.
 """
 
 import functools
-import itertools
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,20 +13,20 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Scalar
+from jaxtyping import Array, Bool, Float
 
 from jaxcrusher.basics import integrate as integration
 from jaxcrusher.basics.integrate import Outcome, integrate
 from jaxcrusher.basics.record import words
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import InContact
+from jaxcrusher.motion import indicators
 from jaxcrusher.motion.flow import Flow, initial_state, unflattened
-from jaxcrusher.motion.indicators import CHAOS, detect_period
 from jaxcrusher.motion.method import Method, resolve
-from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistics import by_turns, of_whirl, statistics_problem
+from jaxcrusher.motion.statistics import by_turns, of_whirl, statistics, statistics_problem
 from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.forced import coordinates
+from jaxcrusher.orbits.oscillation import about_means
 from jaxcrusher.orbits.result import RESULTS
 
 # Turns of the first round, half of which make a mean: a multiple of all periods up to six. Each
@@ -44,8 +43,10 @@ ANGLES = 96
 LONGEST, NARROWER = 4, 0.5
 # Section points so near, in clearances and m/s, repeat.
 REPEATED = 1e-4
-# How far a disturbance is from a motion, in clearances and m/s, at first and when it has grown.
-APART, FAR = 1e-5, 0.1
+# How far a disturbance is from a motion, in clearances and m/s, at first.
+APART = 1e-5
+# Names of motions that repeat after so many turns, and of all longer ones.
+REPEATS = (*(getattr(RESULTS, f"repeats_{n}") for n in range(1, 5)), RESULTS.repeats_late)
 
 _LOG = logging.getLogger(__name__)
 
@@ -55,14 +56,18 @@ SceneAt = tuple[Float[Array, " dims"], Scene]
 
 def section_points(
     case: SceneAt, *, turns: int, rtol: float
-) -> tuple[Float[Array, "turns dims"], Bool[Array, ""]]:
-    """Return those of the next turns from a state, and whether the integration succeeded.
+) -> tuple[Float[Array, "turns dims"], Outcome]:
+    """Return those of the next turns from a state, and how they ended.
 
     One integration: in lanes designs do not wait for each other at each turn's end.
     """
     state, scene = case
     states, _, outcome = by_turns(scene, state, turns, (), resolve(scene, rtol))
-    return states, outcome.success
+    return states, outcome
+
+
+# What is jitted in a module cannot be pickled.
+piece = eqx.filter_jit(eqx.Partial(section_points, turns=PIECE, rtol=WAIT_RTOL))
 
 
 def resting_start(scene: Scene) -> SceneAt:
@@ -72,20 +77,12 @@ def resting_start(scene: Scene) -> SceneAt:
     return initial_state(scene), scene
 
 
-def section_mean(
-    case: SceneAt, *, period: int
-) -> tuple[Float[Array, " dims"], Scalar, Bool[Array, ""]]:
-    """Return the mean section point of some hundred turns, `period` apart.
-
-    With it come how far they are from it, root mean square, and whether the integration succeeded.
-    """
-    states, success = section_points(case, turns=TURNS, rtol=WAIT_RTOL)
-    states = states[TURNS // 2 + period - 1 :: period]
-    mean = jnp.mean(states, axis=0)
-    return mean, jnp.sqrt(jnp.mean((states - mean[None]) ** 2)), success
+def section_mean(case: SceneAt, *, period: int) -> Float[Array, " dims"]:
+    """Return the mean section point of some hundred turns, `period` apart."""
+    states, _ = section_points(case, turns=TURNS, rtol=WAIT_RTOL)
+    return about_means(states[TURNS // 2 :], period)[0][-1]
 
 
-@eqx.filter_jit
 def one_period(
     case: SceneAt, *, period: int
 ) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
@@ -104,20 +101,52 @@ def one_period(
     return jnp.concatenate([coordinates(state)[None], path]), outcome.success
 
 
-@eqx.filter_jit
-def piece(case: SceneAt) -> tuple[Float[Array, "turns dims"], Outcome]:
-    """Return the section points of the next `PIECE` turns from a state, and how they ended."""
+_one_period = eqx.filter_jit(one_period)
+
+
+def whirls_next(case: SceneAt, most: int | None = None) -> tuple[Bool[Array, ""], Outcome]:
+    """Return whether the next two turns whirl, in so many steps a turn, and how they ended."""
     state, scene = case
-    states, _, outcome = by_turns(scene, state, PIECE, (), resolve(scene, WAIT_RTOL))
-    return states, outcome
+    outputs, method = of_whirl(scene), Method(max_steps=most)
+    seen = statistics(scene, 0, 2, outputs=outputs, state=state, rtol=WAIT_RTOL, method=method)
+    return seen.whirl, seen.outcome
+
+
+def growth_of(
+    end: Float[np.ndarray, "*cases dims"], beside: Float[np.ndarray, "*cases dims"]
+) -> Float[np.ndarray, "*cases"] | np.float64:
+    """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980).
+
+    It is that of motions whose `PIECE` turns end so, and which began `APART`. Of those that are as
+    far from each other as they come it is at least 0.3.
+    """
+    return np.log(np.linalg.norm(beside - end, axis=-1) / APART) / PIECE
 
 
 @dataclass(frozen=True)
 class Round:
-    """Section points of the last turns that were waited for."""
+    """Section points of the last turns that were waited for, of one motion."""
 
     states: Float[np.ndarray, "turns dims"]
-    chaotic: bool = False  # disturbances grow from its end on
+    growth: float = 0.0  # by `growth_of`, of a disturbance at its end
+
+    @property
+    def chaotic(self) -> bool:
+        """Whether disturbances grow."""
+        return self.growth > indicators.CHAOS
+
+    def motion(self) -> RESULTS:
+        """Name the motion, which neither fails nor whirls."""
+        if period := self.repeats_after():
+            return REPEATS[min(period, len(REPEATS)) - 1]
+        if self.chaotic:
+            return RESULTS.chaotic
+        if indicators.spread_trend(self.states, noise=REPEATED)[1]:
+            return RESULTS.unsettled
+        if len(self.states) < indicators.ENOUGH:
+            return RESULTS.aperiodic
+        disorder = indicators.zero_one_test(indicators.widest(self.states))
+        return RESULTS.quasi_periodic if disorder < indicators.ORDER else RESULTS.aperiodic
 
     def means(self, period: int | None) -> Iterator[tuple[int, Float[Array, " dims"]]]:
         """Yield numbers of turns and the mean of section points so far apart.
@@ -125,19 +154,18 @@ class Round:
         Without a `period` that is 1, and the least up to `LONGEST` about whose means the motion
         is clearly narrower.
         """
-        one = self._spread(1)
-        longer = (p for p in range(2, LONGEST + 1) if self._spread(p) < NARROWER * one)
-        periods = (1, *itertools.islice(longer, 1)) if period is None else (period,)
-        for turns in periods:
-            yield turns, jnp.asarray(self.states[turns - 1 :: turns].mean(axis=0))
+        enough = NARROWER * self._spread(1)
+        longer = next((p for p in range(2, LONGEST + 1) if self._spread(p) < enough), 1)
+        for turns in sorted({1, longer}) if period is None else (period,):
+            yield turns, jnp.asarray(about_means(self.states, turns)[0][-1])
 
     def repeats_after(self) -> int | None:
-        """Return the least number of turns, up to `LONGEST`, after which the points repeat."""
-        return detect_period(self.states, longest=LONGEST, tolerance=0.0, noise=REPEATED)
+        """Return the least number of turns after which the last points repeat."""
+        states = self.states[-TURNS // 2 :]
+        return indicators.detect_period(states, tolerance=0.0, noise=REPEATED)
 
     def _spread(self, period: int) -> float:
-        parts = self.states.reshape(-1, period, self.states.shape[1])
-        return float(np.sqrt(np.mean((parts - parts.mean(axis=0)) ** 2)))
+        return float(np.sqrt(np.mean(about_means(self.states, period)[1] ** 2)))
 
 
 class Wait:
@@ -150,7 +178,7 @@ class Wait:
         self._own, self.spent = scene, spent
         self._ended: Array | None = None  # the state after all turns so far
         self._last: Round | None = None
-        self._failure: RESULTS | None = None
+        self._end: RESULTS | None = None  # why no further turns lead to an orbit
 
     # Most orbits need no wait.
     @functools.cached_property
@@ -167,19 +195,15 @@ class Wait:
         return piece((state, self._begun[1]))
 
     def whirls_next(self, state: Array, most: int | None) -> tuple[bool, Outcome]:
-        """Return whether the next two turns whirl, in `most` steps, and how they ended."""
-        scene = self._begun[1]
-        outputs, method = of_whirl(scene), Method(max_steps=most)
-        seen = poincare_section(
-            scene, 0, 2, state=state, outputs=outputs, rtol=WAIT_RTOL, method=method
-        )
-        return bool(seen.statistics.whirl), seen.outcome
+        """Return whether the next two turns whirl, as `whirls_next` does."""
+        whirls, outcome = whirls_next((state, self._begun[1]), most)
+        return bool(whirls), outcome
 
     def one_period(
         self, state: Array, turns: int
     ) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
         """Return e / c over so many turns from a section point, as `one_period` does."""
-        return one_period((state, self._begun[1]), period=turns)
+        return _one_period((state, self._begun[1]), period=turns)
 
     @property
     def _state(self) -> Array:
@@ -194,26 +218,25 @@ class Wait:
         seen = np.zeros((0, len(self._state)))
         last = self.spent.bounds.turns // TURNS - 1
         for turn in range(last + 1):
-            if self._whirls() or self._failure is not None:
+            if self._ends() is not None:
                 return
             _LOG.info("waiting: turns %d to %d from rest", turn * TURNS + 1, (turn + 1) * TURNS)
             while len(seen) < (turn + 1) * TURNS and self.spent.affords(2 * PIECE):
                 begun = self._state
                 states, outcome = self.piece(begun)
                 if not bool(outcome.success):
-                    self._failure = RESULTS.not_integrated
+                    self._end = RESULTS.not_integrated
                     return
                 self.spent.integrated(outcome, PIECE)
                 self.spent.turns += PIECE
                 seen, self._ended = np.concatenate([seen, states]), states[-1]
             ends = not self.spent.affords(2 * PIECE)
             if len(seen) and (turn & (turn + 1) == 0 or ends):  # a power of two, or the last
-                # Before what would be in vain, and at the end for its name.
-                looks = turn in (0, 1, last) or ends
-                chaotic = looks and self.growth(begun, seen[-PIECE:]) > CHAOS
-                self._last = Round(seen[len(seen) // 2 :], chaotic)
+                growth = self.growth(begun, seen[-1])
+                self._last = Round(seen[len(seen) // 2 :], growth)
                 yield self._last
-                ends |= chaotic and turn > 0
+                # Chaos of the first round may be of a transient.
+                ends |= self._last.chaotic and turn > 0
             if ends:
                 return
 
@@ -224,29 +247,20 @@ class Wait:
 
     def regime(self, otherwise: RESULTS) -> RESULTS:
         """Name what the motion does that has no orbit."""
-        if self._failure is None and self._whirls():
-            return RESULTS.whirl
-        if self._failure is not None:
-            return self._failure
-        if self._last is None:
-            return otherwise
-        if Round(self._last.states[-TURNS // 2 :]).repeats_after() is not None:
-            return RESULTS.repeats
-        return RESULTS.chaotic if self._last.chaotic else RESULTS.aperiodic
+        if (end := self._ends()) is not None:
+            return end
+        return otherwise if self._last is None else self._last.motion()
 
-    def growth(self, begun: Array, states: Float[np.ndarray, "turns dims"]) -> float:
-        """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980).
-
-        It is that of a motion beside the one whose section points are `states`, begun together.
-        """
+    def growth(self, begun: Array, end: Float[np.ndarray, " dims"]) -> float:
+        """Return by `growth_of` what a disturbance grows by in a piece that begins and ends so."""
         beside, outcome = self.piece(begun + APART / np.sqrt(begun.size))
         self.spent.integrated(outcome, PIECE)
-        apart = np.linalg.norm(beside - states, axis=1)
-        turns = np.append(np.flatnonzero(apart > FAR), PIECE - 1)[0] + 1
-        return float(np.log(apart[turns - 1] / APART) / turns)
+        return float(growth_of(end, np.asarray(beside)[-1]))
 
-    def _whirls(self) -> bool:
-        """Tell whether the next two turns whirl; of what fails or is too long a failure is kept."""
+    def _ends(self) -> RESULTS | None:
+        """Tell why a wait ends: the next two turns whirl, fail or are too long."""
+        if self._end is not None:
+            return self._end
         bounds = self.spent.bounds
         # More steps a turn leave no piece of turns within the bound.
         most = int(bounds.steps / PIECE) if bounds.bounded else None
@@ -254,6 +268,7 @@ class Wait:
         self.spent.integrated(outcome, 2)
         if not bool(outcome.success):
             long = bool(outcome.result == integration.RESULTS.max_steps_reached)
-            self._failure = RESULTS.too_long if long else RESULTS.not_integrated
-            return False
-        return whirls
+            self._end = RESULTS.too_long if long else RESULTS.not_integrated
+        elif whirls:
+            self._end = RESULTS.whirl
+        return self._end

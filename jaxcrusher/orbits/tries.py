@@ -232,7 +232,7 @@ def shot_once(scene: Scene, still: Scene, section: Array | None, turns: int) -> 
     From a section point, or from the mean of 240 turns from the pins at rest.
     """
     if section is None:
-        section, _, _ = section_mean(resting_start(still), period=turns)
+        section = section_mean(resting_start(still), period=turns)
     return described(scene, closed(still, section, turns), turns)
 
 

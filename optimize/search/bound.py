@@ -151,8 +151,9 @@ def _motion(rows: Rows, i: int) -> str:
     )
     if not said.get("motion"):
         return str(why)
-    rms = f"{said['run_rms']:.7g} ± {said['run_rms_error']:.1g} N"
-    return f"{why} The motion from rest: {said['motion']}, with an RMS of {rms}."
+    return (
+        f"{why} {said['motion']} Its RMS is {said['run_rms']:.7g} ± {said['run_rms_error']:.1g} N."
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from jaxcrusher.basics.record import words
 from jaxcrusher.dynamics.lane_waits import TURNS, LaneWaits
+from jaxcrusher.orbits.effort import Spent
+from jaxcrusher.orbits.result import RESULTS
+from jaxcrusher.orbits.transient import Wait
 
 
 def waits_of(axis, tell=lambda: None, **others):
@@ -56,7 +60,7 @@ def test_a_wait_is_told_of_and_ends_where_that_is_asked():
     (mean,), (spread,) = waits.means(np.arange(1), 2)
     np.testing.assert_array_equal(mean, states[1::2].mean(axis=0))
     np.testing.assert_array_equal(spread, states[1::2].std(axis=0))
-    assert waits.names(np.arange(1)) == ["period 1"]
+    assert waits.names(np.arange(1)) == ["The motion from rest repeats after each turn."]
 
 
 @pytest.mark.slow
@@ -65,7 +69,12 @@ def test_motions_are_named():
     waits = waits_of([0.0645e-3, 0.12e-3, 0.05e-3], speed=34.51, load_law="closing_stroke")
     cases = np.arange(3)
     waits.go_on(cases, 480)
-    assert waits.names(cases) == ["period 1", "period 2", "chaotic"]
+    names = RESULTS.repeats_1, RESULTS.repeats_2, RESULTS.chaotic
+    assert waits.names(cases) == [words(RESULTS, name) for name in names]
+    # As a lone wait of as many turns names it.
+    scene = jc.build_scene({"clearance": 0.05e-3, "speed": 34.51, "load_law": "closing_stroke"})
+    lone = Wait(scene, Spent("quick"))
+    assert len(list(lone.rounds())) == 2 and lone.regime(RESULTS.not_closed) == RESULTS.chaotic
     assert waits.hopeless(cases).tolist() == [False, False, True]
     quiet, _, loud = (float(waits.statistics(i).foundation_rms_error) for i in range(3))
     # What repeats has no scatter but that of the tolerance, 1e-7 of some 20 kN.
@@ -78,7 +87,8 @@ def test_a_map_names_a_motion_round_an_unstable_orbit():
     axes = {"speed": [40.0], "clearance": [0.075e-3, 0.0975e-3]}
     found = jc.orbit_map(jc.paper_machine(), axes, nodes=384).isel(speed=0)
     assert found.success.values.all() and found.stable.values.tolist() == [True, False]
-    assert found.motion.values.tolist() == ["", "quasi-periodic"]
+    name = words(RESULTS, RESULTS.quasi_periodic)
+    assert found.motion.values.tolist() == ["", name]
     # As a lone call finds them.
     np.testing.assert_allclose(found.foundation_rms, [22320.44114, 22509.25530], atol=1e-3)
     assert np.isnan(found.run_rms[0]) and found.run_rms_error[1] < 0.1

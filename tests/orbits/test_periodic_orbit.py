@@ -112,12 +112,12 @@ def test_an_oscillation_decays_as_the_largest_multiplier_says():
     orbit = jc.periodic_orbit(jc.paper_scene(25.0, 0.03e-3, restitution=0.2))
     beside = orbit.section + jnp.array([0.01, 0.0, 0.0, 0.0])
     run = eqx.filter_jit(section_points)
-    points, success = run((beside, orbit.scene), turns=480, rtol=1e-10)
+    points, outcome = run((beside, orbit.scene), turns=480, rtol=1e-10)
     apart = np.asarray(points - orbit.section[None])[:, :2].reshape(8, 60, 2)
     turns, sizes = 60 * np.arange(8), np.sqrt(np.mean(apart**2, axis=(1, 2)))
     line = linregress(turns, np.log(sizes))
     error = np.hypot(line.stderr, 0.007 / np.sqrt(np.sum((turns - turns.mean()) ** 2)))
-    assert success and abs(line.slope - np.log(orbit.largest_multiplier)) < 3 * error
+    assert outcome.success and abs(line.slope - np.log(orbit.largest_multiplier)) < 3 * error
 
 
 def test_a_multiplier_of_one_within_its_error_is_not_stable(orbit):

@@ -218,15 +218,18 @@ class Swinging(Wait):
         """Take what disturbances grow by, steps of the integrator a turn, and whether it whirls."""
         super().__init__(jc.paper_scene(27.0, 0.05e-3), spent)
         self.rate, self.steps, self.whirling = growth, steps, whirling
-        self.states = np.random.default_rng(0).uniform(size=(transient.PIECE, 4))
 
     @property
     def start(self):
-        return jnp.asarray(self.states[-1])
+        return jnp.full(4, 0.5)
 
     def piece(self, state):
+        """Thousandths tell how it goes on, and what is behind them is a disturbance."""
+        begun = np.round(np.asarray(state), 3)
+        random = np.random.default_rng(np.round(1e3 * begun).astype(int))
         grown = np.exp(self.rate * np.arange(1, transient.PIECE + 1))[:, None]
-        states = self.states + np.clip(np.asarray(state - self.states[-1]) * grown, -0.5, 0.5)
+        states = np.round(random.uniform(size=(transient.PIECE, 4)), 3)
+        states += np.clip(np.asarray(state - begun) * grown, -0.5, 0.5)
         return jnp.asarray(states), self._outcome(transient.PIECE)
 
     def whirls_next(self, state, most):
@@ -313,11 +316,11 @@ def test_an_interrupted_search_says_what_it_knows():
 
 @pytest.mark.parametrize(("rate", "grows"), [(1.7, True), (0.05, False), (-0.5, False)])
 def test_growth_is_that_of_a_motion_beside(rate, grows):
-    """It is taken before the two motions are as far apart as they come."""
+    """It is at least log(1 / 1e-5) / 24 of two motions that are as far apart as they come."""
     wait = Swinging(rate, Spent("usual"), steps=4)
-    growth = wait.growth(wait.start, wait.states)
+    growth = wait.growth(wait.start, np.asarray(wait.piece(wait.start)[0])[-1])
     # A distance of 1e-5 is the difference of two numbers of 1, and grows by up to 1e-5 as it dies.
-    assert growth == pytest.approx(rate, rel=1e-6)
+    assert growth == pytest.approx(min(rate, np.log(1e5) / transient.PIECE), rel=1e-3)
     assert (growth > CHAOS) == grows and wait.spent.steps == 4 * transient.PIECE
 
 
@@ -411,11 +414,22 @@ def test_what_the_motion_does_beside_an_unstable_orbit_is_named():
 def test_a_motion_that_repeats_is_told_from_chaos():
     wait = Swinging(0.1, Spent("usual"))
     assert wait.regime(RESULTS.not_closed) == RESULTS.not_closed
-    wait._last = Round(np.tile([[0.1] * 4, [0.2] * 4], (120, 1)))
-    assert wait.regime(RESULTS.not_closed) == RESULTS.repeats
-    wait._last = Round(np.random.default_rng(0).uniform(size=(240, 4)))
-    assert wait.regime(RESULTS.not_closed) == RESULTS.aperiodic
-    wait._last = Round(wait._last.states, chaotic=True)
-    assert wait.regime(RESULTS.not_closed) == RESULTS.chaotic
+    turns, two = np.arange(960), np.tile([[0.1] * 4, [0.2] * 4], (120, 1))
+    noise = np.random.default_rng(0).uniform(size=(960, 4))
+    swing = 0.1 * np.cos(0.7 * turns)[:, None] * np.ones(4)
+    dying = swing * np.exp(-turns / 5000)[:, None]
+    for states, growth, name in (
+        (two, 0.1, RESULTS.repeats_2),
+        (np.tile(noise[:24], (10, 1)), 0.1, RESULTS.repeats_late),
+        # After a transient: the last 120 turns repeat.
+        (np.concatenate([noise[:120], two[:120]]), 0.1, RESULTS.repeats_2),
+        (noise, 0.1, RESULTS.aperiodic),
+        (noise, 1.0, RESULTS.chaotic),
+        (swing, 0.0, RESULTS.quasi_periodic),
+        (swing[:240], 0.0, RESULTS.aperiodic),  # too few points for that
+        (dying, 0.0, RESULTS.unsettled),
+    ):
+        wait._last = Round(states, growth)
+        assert wait.regime(RESULTS.not_closed) == name
     wait.whirling = True
     assert wait.regime(RESULTS.not_closed) == RESULTS.whirl

@@ -228,10 +228,9 @@ def _states(orbits: xr.Dataset) -> list[str]:
         else:
             grows = f"Unstable: a disturbance grows {multipliers[cell]:.4g} times in a turn"
             told = ["Not known to be stable" if undecided else grows]
-        told += [f"the motion from rest is {motions[cell]}"] if motions[cell] else []
         told += ["out of the contact model"] if success and not inside else []
         told += ["outside a constraint"] if (stable or undecided) and not counts else []
-        said_so.append("; ".join(told))
+        said_so.append(". ".join(filter(None, ("; ".join(told), motions[cell].rstrip(".")))))
     return said_so
 
 
