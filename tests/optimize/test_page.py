@@ -685,7 +685,7 @@ def hover(browser, cell: int) -> str:
 def test_hover_shows_a_cell(opened):
     lines = hover(opened, 4).splitlines()
     assert lines[0] == "speed 35 rad/s, clearance 0.03 mm"
-    assert lines[1:] == ["RMS of |R_O| + |R_C| 18\u202f400 N", "Stable"]
+    assert lines[1:] == ["RMS of |R_O| + |R_C| 18400 N", "Stable"]
     width = "return document.querySelector(arguments[0]).getBBox().width"
     orbit, bore = (opened.execute_script(width, f"#orbit .{one}") for one in ("orbit", "ideal"))
     # The path's coordinates have one decimal: 0.05 of some 80 units.
@@ -718,7 +718,7 @@ def test_a_cell_is_kept_said_and_let_go(opened):
     assert place.text == "speed 30 rad/s, clearance 0.06 mm"
     land.send_keys("\ue015")  # down arrow
     spoken = opened.find_element("id", "spoken")
-    said = "speed 30 rad/s, clearance 0.03 mm; RMS of |R_O| + |R_C| 18\u202f200 N; Unstable: "
+    said = "speed 30 rad/s, clearance 0.03 mm; RMS of |R_O| + |R_C| 18200 N; Unstable: "
     assert spoken.get_attribute("textContent").startswith(said)
     assert land.get_attribute("aria-describedby") == "spoken"
     hover(opened, 3)

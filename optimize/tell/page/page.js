@@ -28,13 +28,12 @@ function samples({ whole, scales }, cell) {
                     (value) => (value === -32768 ? NaN : value * scales[cell]));
 }
 
-// Four digits, never rounded away before the point.
+// Four digits, and all of those before the point below ten million, as everywhere else.
 function number(value) {
   if (!Number.isFinite(value)) return "no value";
   const size = Math.abs(value);
-  if (size !== 0 && (size < 1e-3 || size >= 1e7)) return value.toExponential(3);
-  return size >= 1e4 ? Math.round(value).toLocaleString("en").replaceAll(",", "\u202f")
-                     : String(Number(value.toPrecision(size >= 1e3 ? 5 : 4)));
+  if (size !== 0 && (size < 1e-4 || size >= 1e7)) return value.toExponential(3);
+  return String(size >= 1e3 ? Math.round(value) : Number(value.toPrecision(4)));
 }
 
 function said(variable, cell) {
