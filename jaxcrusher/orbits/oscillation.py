@@ -36,7 +36,7 @@ def about_means(states: Any, period: int) -> tuple[Any, Any]:
     """
     parts = states[len(states) % period :].reshape(-1, period, states.shape[1])
     means = parts.mean(axis=0)
-    return means, parts - means
+    return means, parts - means[None]
 
 
 def oscillation_about(
