@@ -27,6 +27,7 @@ from jaxcrusher.batch.sweep import columns_of_row, plan
 from jaxcrusher.crusher.template import STATISTIC, STATISTICS
 from jaxcrusher.files.table import Column
 from jaxcrusher.scenes.build import Crusher
+from tests.processes import ended
 
 # The store alone is filled with made-up numbers: no JAX in it, so that it can be killed often.
 AXES_OF_NUMBERS = {"speed": (28.0, 30.0, 33.0), "clearance": (4e-5, 6e-5)}
@@ -109,18 +110,8 @@ def _kill_past(size: int) -> None:
 def killed(tmp_path_factory):
     """Stores of killed processes, the signals they died of, and the files of a whole store."""
     folder = tmp_path_factory.mktemp("killed")
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            f"from pathlib import Path; import test_store; test_store.be_killed(Path('{folder}'))",
-        ],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=False,
-    )
+    program = "from pathlib import Path; from tests.batch.test_store import be_killed; "
+    done = ended("-c", f"{program}be_killed(Path('{folder}'))", cwd=Path(__file__).parents[2])
     assert done.returncode == 0, done.stderr
     fill(folder / "whole")
     return folder, json.loads(done.stdout), contents(folder / "whole")

@@ -1,7 +1,5 @@
 """Periodic orbits over a grid: each cell as if it were alone, failures with their reasons."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +10,7 @@ from jaxcrusher.batch.cluster import local_workers
 from jaxcrusher.batch.engines import in_turn
 from jaxcrusher.dynamics import many_orbits as orbits
 from jaxcrusher.dynamics.orbit_map import orbit_map
+from tests.processes import ended
 
 SLOPES, PAPER = ("speed", "clearance"), jc.paper_machine()
 
@@ -161,19 +160,11 @@ def print_what_differs_on_two_workers():
 def test_maps_on_two_workers_have_the_same_bits():
     """In a process that compiles as its workers do."""
     pytest.importorskip("distributed")
-    done = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            "import jaxcrusher; jaxcrusher.set_up(); import test_orbit_map; "
-            "test_orbit_map.print_what_differs_on_two_workers()",
-        ],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=False,
+    program = (
+        "import jaxcrusher; jaxcrusher.set_up(); from tests.dynamics import test_orbit_map; "
+        "test_orbit_map.print_what_differs_on_two_workers()"
     )
+    done = ended("-c", program, cwd=Path(__file__).parents[2])
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""
 
