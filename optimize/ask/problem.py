@@ -155,7 +155,7 @@ class Problem:
             return self.design.bounds["speed"][0]
         return float(self.design.whole(self.design.fixed)["speed"])
 
-    @property
+    @cached_property
     def speeds(self) -> tuple[float, float] | None:
         """The lowest and the highest speed that the capacity allows, rad/s; None without one."""
         if self.chamber is None:
@@ -163,7 +163,7 @@ class Problem:
         highest = self.chamber.highest_speed(self.capacity_floor)
         return float(self.chamber.lowest_speed()), float(highest)
 
-    @property
+    @cached_property
     def upper(self) -> Float[np.ndarray, " n"]:
         """The box's upper corner in the unit box: the capacity's floor may cut the speed short.
 

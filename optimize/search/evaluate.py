@@ -79,8 +79,8 @@ def evaluate(
     (starts, points, dims), to go on from.
     """
     moves = np.zeros((len(places), 2)) if shifts is None else shifts
-    points = jnp.asarray(places)
-    batch = stacked_scenes(problem, points, jnp.asarray(moves)), np.tile(places, (len(STARTS), 1))
+    scenes = stacked_scenes(problem, jnp.asarray(places), jnp.asarray(moves))
+    batch = scenes, np.tile(places, (len(STARTS), 1))
     function = eqx.Partial(_row, problem=problem, window=window)
     at_once = chunk_of(len(STARTS) * len(places), usual=chunk)
     found = tracking.run(function, batch, at_once)

@@ -33,16 +33,13 @@ def fronts(
     least = np.clip(problem.design.unit(optimum.values), 0, problem.upper)
     rival, known = problem.rival, periodic.numbers(problem)
     (statistic,) = rival.outputs
-    counts, spares, found = (
-        orbits.counts.to_numpy().ravel(),
-        periodic.spares(problem, known),
-        [],
-    )
+    counts, spares = orbits.counts.to_numpy().ravel(), periodic.spares(problem, known)
     here, there = float(optimum.orbit.solution[statistic]), orbits[statistic].to_numpy().ravel()
     against = [((statistic, rival.unit, rival.meaning), 1, here, there)]
     if optimum.crushing is not None:
         sizes = optimum.crushing.capacity, problem.capacity(places)
         against.insert(0, (("capacity", "m3/h", "capacity"), -1, *sizes))
+    found = []
     for of, sign, here, there in against:
         costs = np.where(counts, sign * there, np.nan)
         points, rows = least[None], [[optimum.orbit.objective], [here]]

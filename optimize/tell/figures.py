@@ -257,16 +257,17 @@ def draw_fronts(folder: Path, answer: Answer) -> None:
     orbits = maps.counting_orbits.where(maps.counting_orbits.counts)
     objective = orbits.objective.to_numpy().ravel()
     one, unit = prefixed(float(np.nanmax(np.abs(objective))), problem.objective.unit)
-    size = (plots.WIDTH, 3.4)
-    fig, axes = plt.subplots(1, len(fronts), figsize=size, layout="constrained", squeeze=False)
+    whole = (plots.WIDTH, 3.4)
+    fig, axes = plt.subplots(1, len(fronts), figsize=whole, layout="constrained", squeeze=False)
     for ax, front in zip(axes.ravel(), fronts, strict=True):
         crushes = front.of == "capacity"
         of_map = problem.capacity(maps.points) if crushes else orbits[front.of].to_numpy().ravel()
         other, other_unit = prefixed(float(np.nanmax(np.abs(of_map))), front.unit)
         dots = objective / one, of_map / other
         ax.plot(*dots, "o", color="0.6", markersize=3, label="points of the map")
-        size, line = (4 if len(front.objective) > 1 else 7), (front.objective / one, front.other)
-        ax.plot(line[0], line[1] / other, "s-", color="C0", markersize=size, label="front")
+        size = 4 if len(front.objective) > 1 else 7
+        line = front.objective / one, front.other / other
+        ax.plot(*line, "s-", color="C0", markersize=size, label="front")
         if len(front.objective) == 1:
             ax.set_title("nothing to trade")
         for title, design in answer.designs.items():
@@ -333,10 +334,8 @@ def draw_motions(folder: Path, answer: Answer) -> None:
     for (place, force), (title, design) in zip(axes, answer.designs.items(), strict=True):
         scene = problem.design.build(problem.design.described(design.values))
         name, prefix = leading_force(scene), scene.prefix(scene.joints.names[0])
-        clearance, outputs = (
-            float(scene.joints.values[0].clearance),
-            (name, f"{prefix}eccentricity"),
-        )
+        clearance = float(scene.joints.values[0].clearance)
+        outputs = name, f"{prefix}eccentricity"
         times = 2 * np.pi / design.speed * turns
         if design.orbit is not None and design.orbit.found:
             seen, of = design.orbit.solution.motion(2 * np.pi * turns, outputs), "periodic orbit"

@@ -101,11 +101,10 @@ def answer(found: Answer) -> Table:
     """Return the designs side by side: numbers with units, and how the optimum changes them."""
     columns = [_told(found, title, design) for title, design in found.designs.items()]
     both = len(columns) == 2
-    rows = [
-        (*named, *(column[named][0] for column in columns), *([_change(*of)] if both else []))
-        for named in columns[0]
-        for of in [[column[named][1] for column in columns]]
-    ]
+    rows = []
+    for named in columns[0]:
+        texts, values = zip(*(column[named] for column in columns), strict=True)
+        rows.append((*named, *texts, *([_change(*values)] if both else [])))
     return Table(("", "unit", *found.designs, *(["change"] if both else [])), rows)
 
 
