@@ -9,6 +9,7 @@ import itertools
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -24,16 +25,17 @@ from jaxcrusher.mechanism.starts import InContact
 from jaxcrusher.motion.flow import Flow, initial_state, unflattened
 from jaxcrusher.motion.indicators import CHAOS, detect_period
 from jaxcrusher.motion.method import Method, resolve
-from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.motion.statistics import by_turns, of_whirl, statistics_problem
-from jaxcrusher.orbits.effort import Spent
+from jaxcrusher.motion.section import fine, first_failure
+from jaxcrusher.motion.statistics import Statistics, by_turns, of_whirl, statistics_problem
+from jaxcrusher.orbits.effort import PIECE, Spent
 from jaxcrusher.orbits.forced import coordinates
 from jaxcrusher.orbits.result import RESULTS
+from jaxcrusher.orbits.shot import PATH
 
 # Turns of the first round, half of which make a mean: a multiple of all periods up to six. Each
 # round lasts as long as all before it. They are integrated in pieces, between which the steps are
 # counted; half a piece is a multiple of all periods up to four.
-TURNS, PIECE = 240, 24
+TURNS = 240
 # The integration's tolerance: at 1e-6 the method feeds a swing as much as the joint damps it; at
 # 1e-7 it changes the decay by 5 to 14 %. No decay is judged by it.
 WAIT_RTOL = 1e-7
@@ -65,10 +67,14 @@ def section_points(
     return states, outcome.success
 
 
+def resting(scene: Scene) -> Scene:
+    """Return the scene whose pins start at rest in their bores, whatever its own start."""
+    return scene if scene.is_ideal else eqx.tree_at(lambda s: s.start, scene, InContact())
+
+
 def resting_start(scene: Scene) -> SceneAt:
     """Return the scene with its pins resting in their bores, whatever its own start."""
-    if not scene.is_ideal:
-        scene = eqx.tree_at(lambda s: s.start, scene, InContact())
+    scene = resting(scene)
     return initial_state(scene), scene
 
 
@@ -102,6 +108,51 @@ def one_period(
     (states, _), outcome = integrate(flow, phases, problem=problem, method=method)
     path = jax.vmap(coordinates)(states)
     return jnp.concatenate([coordinates(state)[None], path]), outcome.success
+
+
+class Followed(NamedTuple):
+    """Some turns from a section point: the state after them, and what was seen on the way."""
+
+    end: Float[Array, " dims"]
+    path: Float[Array, "instants half"]  # e / c at `SAMPLES` instants a turn
+    whirls: bool
+    outcome: Outcome
+
+
+def followed(case: SceneAt, turns: int, rtol: float, most: int | None) -> Followed:
+    """Follow a motion turn by turn, in `most` steps each; concrete values only.
+
+    One program serves all periods and tolerances: what it sees costs less than another one.
+    """
+    state, scene = case
+    paths, values, outcome = [], [], fine()
+    for _ in range(turns):
+        state, path, seen, after = _turn((state, scene), jnp.asarray(rtol), most)
+        outcome = first_failure(outcome, after)
+        paths.append(path)
+        values.append(seen)
+    by_turn = {name: jnp.concatenate([one[name] for one in values]) for name in values[0]}
+    table = scene.statistics
+    means = {name: table[name].reduction.of_pieces(q) for name, q in by_turn.items()}
+    known = tuple(table.items())
+    whirls = Statistics(turns, outcome, means, by_turn, state, known=known).whirl
+    return Followed(state, jnp.concatenate(paths), bool(whirls), outcome)
+
+
+@eqx.filter_jit
+def _turn(
+    case: SceneAt, rtol: Scalar, most: int | None
+) -> tuple[Array, Array, dict[str, Array], Outcome]:
+    state, scene = case
+    method = resolve(scene, rtol, Method(max_steps=most))
+    outputs = scene.entries(of_whirl(scene)) + PATH
+    states, values, outcome = by_turns(scene, state, 1, outputs, method)
+    ((name, _),) = PATH
+    begun = unflattened(state, scene)
+    assert begun is not None
+    # Instants are seen at the ends of steps between them, and so is the last one.
+    path = jnp.concatenate([coordinates(begun)[None], values.pop(name)[0][:-1]])
+    return states[-1], path, values, outcome
 
 
 @eqx.filter_jit
@@ -168,18 +219,15 @@ class Wait:
 
     def whirls_next(self, state: Array, most: int | None) -> tuple[bool, Outcome]:
         """Return whether the next two turns whirl, in `most` steps, and how they ended."""
-        scene = self._begun[1]
-        outputs, method = of_whirl(scene), Method(max_steps=most)
-        seen = poincare_section(
-            scene, 0, 2, state=state, outputs=outputs, rtol=WAIT_RTOL, method=method
-        )
-        return bool(seen.statistics.whirl), seen.outcome
+        seen = followed((state, self._begun[1]), 2, WAIT_RTOL, most)
+        return seen.whirls, seen.outcome
 
     def one_period(
         self, state: Array, turns: int
-    ) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
-        """Return e / c over so many turns from a section point, as `one_period` does."""
-        return one_period((state, self._begun[1]), period=turns)
+    ) -> tuple[Float[Array, "instants half"], Bool[Array, ""]]:
+        """Return e / c over so many turns from a section point, and whether that succeeded."""
+        seen = followed((state, self._begun[1]), turns, WAIT_RTOL, self.spent.most)
+        return seen.path, seen.outcome.success
 
     @property
     def _state(self) -> Array:
@@ -247,10 +295,7 @@ class Wait:
 
     def _whirls(self) -> bool:
         """Tell whether the next two turns whirl; of what fails or is too long a failure is kept."""
-        bounds = self.spent.bounds
-        # More steps a turn leave no piece of turns within the bound.
-        most = int(bounds.steps / PIECE) if bounds.bounded else None
-        whirls, outcome = self.whirls_next(self._state, most)
+        whirls, outcome = self.whirls_next(self._state, self.spent.most)
         self.spent.integrated(outcome, 2)
         if not bool(outcome.success):
             long = bool(outcome.result == integration.RESULTS.max_steps_reached)

@@ -26,15 +26,24 @@ from jaxtyping import Array, Scalar
 from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.state import pins_of
-from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.effort import Spent
-from jaxcrusher.orbits.forced import can_be_shot, unknowns
+from jaxcrusher.orbits.forced import can_be_shot, pins, unknowns
 from jaxcrusher.orbits.oscillation import NEAR, oscillation_about
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
-from jaxcrusher.orbits.shot import ORBIT_RTOL, closed, described, integrated_multipliers
+from jaxcrusher.orbits.shot import ORBIT_RTOL, Closed, closed, described, integrated_multipliers
 from jaxcrusher.orbits.solving import NODES, SETTLED, Nodes, solved, with_statistics
-from jaxcrusher.orbits.transient import LONGEST, Round, Wait, resting_start, section_mean
+from jaxcrusher.orbits.transient import (
+    LONGEST,
+    Followed,
+    Round,
+    Wait,
+    followed,
+    resting,
+    resting_start,
+    section_mean,
+)
 from jaxcrusher.periodic import newton
+from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.multipliers import UNSURE
 from jaxcrusher.periodic.trigonometric import resample
 
@@ -48,6 +57,8 @@ COMES_BACK = 1e-6
 SURELY_CLOSED = 1e-7
 # Turns of a wait that cost as much as shooting for a period of one turn.
 SHOT = 300
+# Nodes a turn to begin with where shooting has told the path.
+COUNTS = (2 * NODES, MOST_NODES)
 
 # Tells each try as it begins, for a program that shows how far it is.
 _LOG = logging.getLogger(__name__)
@@ -148,11 +159,15 @@ class OrbitSearch(NamedTuple):
 
     def _comes_back(self, orbit: PeriodicOrbit) -> bool:
         """Whether a motion that begins on the orbit comes back, by the integrator."""
-        state, turns = orbit.section, orbit.period
-        end = poincare_section(orbit.scene, 0, turns, state=state, rtol=ORBIT_RTOL)
-        self.spent.integrated(end.outcome, turns)
-        apart = np.max(np.abs(np.asarray(end.states)[-1] - np.asarray(state)))
-        return bool(end.success) and bool(apart < COMES_BACK)
+        end, _, _, outcome = self._followed(orbit.section, orbit.period)
+        self.spent.integrated(outcome, orbit.period)
+        apart = np.max(np.abs(np.asarray(end) - np.asarray(orbit.section)))
+        return bool(outcome.success) and bool(apart < COMES_BACK)
+
+    def _followed(self, state: Array, turns: int) -> Followed:
+        """Follow the motion from a section point, by the program of a wait if there was one."""
+        most = self.spent.most if self.spent.turns else None
+        return followed((state, resting(self.still)), turns, ORBIT_RTOL, most)
 
     def can_shoot(self, start: Array, turns: int) -> bool:
         """Tell whether the integrator may solve from a section point, within the effort."""
@@ -161,21 +176,32 @@ class OrbitSearch(NamedTuple):
 
     def by_shooting(self, start: Array, turns: int) -> Try:
         """Return the orbit through a section point near `start`."""
+        return self._described(self._shot(start, turns), turns)
+
+    def _shot(self, start: Array, turns: int) -> Closed:
         _LOG.info("shooting for a period of %d", turns)
         self.spent.spend(SHOT * turns)
         self.spent.shots += 1
-        found = closed(self.still, start, turns)
+        return closed(self.still, start, turns)
+
+    def _described(self, found: Closed, turns: int) -> Try:
         orbit = described(self.still, found, turns)
         if is_concrete(self.scene) or not bool(orbit.success):
             return Try(orbit, orbit)
         return Try(described(self.scene, found, turns), orbit)
 
-    def by_shots(self, start: Array, turns: int, way: WAYS) -> list[Try]:
-        """Return a shot, and before it, where it keeps contact, the nodes there: they are exact."""
-        shot = self.by_shooting(start, turns)
-        if not bool(shot.orbit.least_penetration > 0):
-            return [shot]
-        return [self.by_nodes(shot.orbit.eccentricity, turns, 2 * NODES).replaced(way=way), shot]
+    def by_shots(self, start: Array, turns: int, way: WAYS) -> Iterator[Try]:
+        """Yield a shot, and before it, where it keeps contact, the nodes there: they are exact.
+
+        Its statistics are a long program: they are sought only where the nodes do not serve.
+        """
+        found = self._shot(start, turns)
+        if bool(found.result == newton.RESULTS.successful):
+            path = np.asarray(self._followed(found.state, turns).path)
+            if np.all(np.linalg.norm(pins(path), axis=-1) > 1):
+                count = next(n for n in COUNTS if n == COUNTS[-1] or _settles(path, n * turns))
+                yield self.by_nodes(jnp.asarray(path), turns, count).replaced(way=way)
+        yield self._described(found, turns)
 
     def doubled(self, orbit: PeriodicOrbit) -> Iterator[Try]:
         """Yield shots from beside an unstable orbit until one leads to an orbit of twice its turns.
@@ -194,10 +220,9 @@ class OrbitSearch(NamedTuple):
         for distance in BESIDE:
             if not self.can_shoot(start, turns):
                 return
-            shots = self.by_shots(start + distance * way, turns, WAYS.doubling)
-            yield from shots
-            reached = shots[-1].orbit
-            if bool(reached.success) and not _is_near(reached.section, start):
+            for shot in self.by_shots(start + distance * way, turns, WAYS.doubling):
+                yield shot
+            if bool(shot.orbit.success) and not _is_near(shot.orbit.section, start):
                 return
 
     def wait(self) -> Wait:
@@ -276,10 +301,10 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
         known = any(turns == n and _is_near(start, at) for n, at in shot_from)
         if known or not search.can_shoot(start, turns):
             return
-        found = search.by_shots(start, turns, WAYS.shot_nodes)
-        if bool(found[-1].orbit.success):
+        for shot in search.by_shots(start, turns, WAYS.shot_nodes):
+            yield shot
+        if bool(shot.orbit.success):
             shot_from.append((turns, start))
-        yield from found
 
     def waited(rest: Round) -> Iterator[Try]:
         """Yield what the means of turns lead to; those of chaos lead nowhere that is stable."""
@@ -342,6 +367,12 @@ def _has_doubled(orbit: PeriodicOrbit) -> bool:
     values = np.asarray(orbit.multipliers)
     flips = bool(np.any((np.imag(values) == 0) & (np.real(values) < -1)))
     return bool(orbit.success) and not bool(orbit.stable) and flips
+
+
+def _settles(path: np.ndarray, nodes: int) -> bool:
+    """Whether a polynomial through so many nodes follows a path over its period."""
+    sizes = 2 / len(path) * np.abs(np.fft.rfft(path, axis=0))
+    return bool(np.max(np.sum(sizes[nodes // 2 :], axis=0)) < SETTLED)
 
 
 def _is_near(one: Array, other: Array) -> bool:
