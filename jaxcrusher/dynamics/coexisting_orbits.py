@@ -129,7 +129,7 @@ def coexisting_orbits(
         if not going:
             break
         cases = state[going], jax.tree.map(lambda *leaves: np.stack(leaves), *len(going) * [scene])
-        states, outcome = run_all(advance, cases, len(going), whole=LANES)
+        states, _, outcome = run_all(advance, cases, len(going), whole=LANES)
         state[going], success = states[:, -1], np.asarray(outcome.success)
         failed += int(np.sum(~success))
         ended = zip(going, states, success, strict=True)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import equinox as eqx
 import numpy as np
@@ -18,9 +18,9 @@ from jaxcrusher.batch.store import Layout, opened
 from jaxcrusher.dynamics.many_orbits import MOTION, SEEN, Rows, Sought, beside, solve_orbits
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
 from jaxcrusher.mechanism.scene import Scene
+from jaxcrusher.orbits.effort import EFFORTS
 from jaxcrusher.orbits.forced import refusal, unknowns
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.orbits.solving import NODES, SETTLED
 from jaxcrusher.scenes.earlier import axes_first
 from jaxcrusher.scenes.machine import AbstractStructure, Machine, machine_of, scene_by
 
@@ -33,33 +33,31 @@ def orbit_map(
     machine: Machine | Callable[..., Scene],
     axes: Mapping[str, Any],
     *,
-    period: int = 1,
+    period: int | None = None,
     slopes: Sequence[str] = (),
     metric: str | None = None,
     nodes: int | None = None,
+    effort: Literal["quick", "usual", "thorough"] = "usual",
     store: str | Path | None = None,
     engine: Engine | None = None,
     scheduler: "str | distributed.Client | None" = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> xr.Dataset:
-    """Solve for the periodic orbit of every design of a grid, as `jaxcrusher.periodic_orbit` does.
+    """Find the periodic orbit of every design of a grid, as `jaxcrusher.periodic_orbit` finds it.
 
-    Every cell is solved from the pin resting in its bore, on all cores, or by a damping that is
-    lowered to none. A cell where that fails is waited for over 240 turns, and solved for from there
-    if it keeps contact; then it is tried from neighbours along the axes, up to four steps away and
-    the nearest first, for as long as that helps. What loses contact and repeats is shot for, half a
-    second a cell. Cells that are left without a stable orbit are waited for once more, all of them
-    in lanes, over up to 7680 turns each and 122 880 in all, and solved for from there. `found` says
-    by which way a cell was found. It may lie on another branch than the next cell's.
+    Every cell is solved from the pin resting in its bore, on all cores. Where that leads to no
+    orbit that is surely stable, the cell's orbit is searched for as a lone one is, with the same
+    effort and the same answer; lanes integrate what many cells wait for. A cell that has no orbit
+    then is tried from neighbours along the axes, up to four steps away and the nearest first, for
+    as long as that helps. `found` says by which way a cell was found. It may lie on another branch
+    than the next cell's.
 
     **Arguments:**
 
     - `machine`: what does not vary, as in `jaxcrusher.sweep`.
     - `axes`: names of the machine's numbers -> values, shape (n,), in SI units, or choices.
       Neighbours are cells some steps along a number, so their order should be increasing.
-    - `period`: turns of the motions, as in `periodic_orbit`.
-    - `nodes`: even number of nodes a turn. None is 96, and 192 for what these do not solve, or
-      leave with an `error` above 1e-8.
+    - `period`, `nodes`, `effort`: as in `periodic_orbit`; with `nodes` nothing is searched for.
     - `slopes`: names of numbers by which `metric`, a statistic of `PeriodicOrbit`, is
       differentiated: any number of them costs about as much as one.
     - `store`: None, or a folder in which the map is kept while it is computed, and then as a Zarr
@@ -72,25 +70,25 @@ def orbit_map(
     - `progress`: called with the number of finished and of all designs, first at the start; what
       fails is finished when its neighbours have been tried.
 
-    **Returns:** an `xarray.Dataset` with a dimension for each axis: all statistics, the estimated
-    `error` of the RMS (a share of it), `least_penetration` (clearances), `largest_multiplier`,
-    `multipliers_error`, `settling_turns`, `slope` (with a dimension `parameter`, in the unit of
-    `metric` per unit of the parameter), and `multiplier_real`, `multiplier_imag` (with a dimension
-    `multiplier`, in no order). `success`, `stable` and `undecided` are logical, `found` is in
-    words. Where there is no success every number is NaN, and `failure` says why. Where no orbit is
-    stable, `motion` says what the motion from rest does, in the words of
-    `PeriodicOrbit.instability`; `run_rms` is its RMS over the last half of the turns that were
-    waited for, and `run_rms_error` the standard error of that.
+    **Returns:** an `xarray.Dataset` with a dimension for each axis: all statistics, the `period`
+    (turns), the estimated `error` of the RMS (a share of it), `least_penetration` (clearances),
+    `largest_multiplier`, `multipliers_error`, `settling_turns`, `slope` (with a dimension
+    `parameter`, in the unit of `metric` per unit of the parameter), and `multiplier_real`,
+    `multiplier_imag` (with a dimension `multiplier`, in no order). `success`, `stable` and
+    `undecided` are logical, `found` is in words. Where there is no success every number is NaN, and
+    `failure` says why. Where the motion from rest leads to no stable orbit, `motion` says what it
+    does, in the words of `PeriodicOrbit.instability`; `run_rms` is its RMS over the last half of
+    the turns that were waited for, and `run_rms_error` the standard error of that.
 
     Raises ValueError for bad arguments, and in one line for scenes that have no such orbit;
     RuntimeError for workers that fail, and ImportError as `jaxcrusher.sweep` does.
     """
     require_set_up()
-    require_whole("period", period, 1)
+    require_whole("period", 1 if period is None else period, 1)
+    require_choice("effort", effort, tuple(EFFORTS))
     if nodes is not None:
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
-    levels = (NODES, 2 * NODES) if nodes is None else (nodes,)
     grid, slopes = make_grid(machine_of(machine), axes), tuple(slopes)
     require_names("slopes", slopes, tuple(grid.numbers_described))
     require(len(set(slopes)) == len(slopes), "slopes", "name every number once", slopes)
@@ -103,7 +101,8 @@ def orbit_map(
             raise ValueError(f"Argument `scene` must {refused}.")
     report = progress or (lambda finished, of: None)
     report(0, grid.size)
-    asked = {"period": period, "slopes": list(slopes), "metric": metric, "nodes": list(levels)}
+    asked = {"period": period, "slopes": list(slopes), "metric": metric}
+    asked |= {"nodes": nodes, "effort": effort}
     settings = grid.settings() | asked | ({} if engine is None else {"engine": name_of(engine)})
     layout, done = _layout(grid, first, slopes, metric), 0
     title = "Periodic orbits of machines over a grid of parameters"
@@ -120,13 +119,14 @@ def orbit_map(
                     (eqx.Partial(_metric, name=metric),),
                     period,
                     unknowns(one),
+                    nodes,
                 )
                 found[tuple(designs)] = _solved(
                     grid,
                     designs,
                     sought,
                     slopes,
-                    levels=levels,
+                    effort=effort if nodes is None else None,
                     engine=engine,
                     journal=kept.journal,
                     scheduler=client,
@@ -163,7 +163,6 @@ def _solved(
         sought,
         (np.stack(free, axis=1) if free else np.empty((len(designs), 0)), numbers),
         neighbours=lambda case: [place[design] for design in near(designs[case])],
-        enough=SETTLED,
         **how,
     )
     return rows | {"slope": rows.pop("slopes")[:, 0]}

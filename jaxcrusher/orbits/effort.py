@@ -31,6 +31,10 @@ EFFORTS = {
 }
 
 
+# Turns of a wait between which the steps are counted: see `jaxcrusher.orbits.transient`.
+PIECE = 24
+
+
 class Spent:
     """What a search has done within the bounds of an effort."""
 
@@ -40,6 +44,11 @@ class Spent:
         self.nodes: set[int] = set()
         self.shots = self.turns = 0
         self.steps = self._pace = 0.0
+
+    @property
+    def most(self) -> int | None:
+        """Return the most steps of a turn: more leave no piece of turns within the bound."""
+        return int(self.bounds.steps / PIECE) if self.bounds.bounded else None
 
     def integrated(self, outcome: Outcome, turns: int) -> None:
         """Count the steps of so many turns."""

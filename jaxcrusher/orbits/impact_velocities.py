@@ -34,7 +34,7 @@ def settled_velocities(scene: Scene, spent: Spent) -> dict[str, Array] | None:
         for _ in range(TURNS // PIECE):
             if not spent.affords(PIECE):
                 return None
-            states, outcome = piece((state, scene))
+            states, _, outcome = piece((state, scene))
             spent.integrated(outcome, PIECE)
             spent.turns += PIECE
             state = states[-1]

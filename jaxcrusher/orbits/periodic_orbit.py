@@ -1,6 +1,7 @@
 """The motion that a machine settles on, solved for instead of waited for."""
 
 import dataclasses
+from collections.abc import Callable
 from typing import Literal
 
 import jax
@@ -24,7 +25,8 @@ from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.impact_velocities import held, settled_velocities
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, finished, missing
 from jaxcrusher.orbits.solving import kinematic, solved, solved_as_needed, with_statistics
-from jaxcrusher.orbits.tries import OrbitSearch, searched, shot_for, shot_once
+from jaxcrusher.orbits.transient import Lone
+from jaxcrusher.orbits.tries import OrbitSearch, Try, searched, shot_for, shot_once
 
 
 def periodic_orbit(
@@ -80,6 +82,26 @@ def periodic_orbit(
     Raises ValueError for a period, nodes or a method that are not such, and in one line for a scene
     that is not one of these.
     """
+    return orbit_by(
+        Lone(), scene, period=period, nodes=nodes, guess=guess, method=method, effort=effort
+    )
+
+
+def orbit_by(
+    runs: Lone,
+    scene: Scene,
+    *,
+    period: int | None = None,
+    nodes: int | None = None,
+    guess: PeriodicOrbit | ArrayLike | None = None,
+    method: Literal["shooting"] | None = None,
+    effort: str = "usual",
+    first: Callable[[OrbitSearch], Try] | None = None,
+) -> PeriodicOrbit:
+    """Return the orbit as `periodic_orbit` does, with turns by `runs`.
+
+    The `first` try may be known. None is Newton's method from the guess, or from the pins at rest.
+    """
     require_set_up()
     require_scene(scene)
     if period is None and isinstance(guess, PeriodicOrbit):
@@ -108,32 +130,34 @@ def periodic_orbit(
         require_choice("method", method, ("shooting",))
         require(nodes is None, "nodes", 'be None with method="shooting"', nodes)
         require(not scene.is_ideal, "scene", "have a clearance joint to shoot for", "an ideal one")
-    first, begin = None, None
+    path, begin = None, None
     if isinstance(guess, PeriodicOrbit):
-        first, begin = _guess(guess.eccentricity, scene), guess.section
+        path, begin = _guess(guess.eccentricity, scene), guess.section
     elif guess is not None and method is not None:
         begin = _section(guess, scene)
     elif guess is not None:
-        first = _guess(guess, scene)
+        path = _guess(guess, scene)
     # The start does not matter: with the same for all, one program serves all.
     alike = scene.steady()
     if not isinstance(scene.start, Centred | None):
         alike = dataclasses.replace(alike, start=Centred())
-    still, first, begin = without_slopes((alike, first, begin))
-    known = all(primal(leaf) is not None for leaf in jax.tree.leaves((still, first, begin)))
+    still, path, begin = without_slopes((alike, path, begin))
+    known = all(primal(leaf) is not None for leaf in jax.tree.leaves((still, path, begin)))
     if not scene.has_unknowns:
         orbit = kinematic(alike, turns, scene.entries())
     elif known:
-        search = OrbitSearch(alike, still, first, begin, period, spent)
+        search = OrbitSearch(alike, still, path, begin, period, spent, runs)
+        if first is not None:
+            search = search._replace(first=first(search))
         # Tries that fail are NaN; what comes out of all of them is looked at below.
         with jax.debug_nans(False):
             orbit = searched(search, nodes) if method is None else shot_for(search)
     elif method is not None:
         orbit = shot_once(alike, still, begin, turns)
     elif nodes is not None:
-        orbit = with_statistics(alike, *solved(still, first, turns, nodes * turns), turns)
+        orbit = with_statistics(alike, *solved(still, path, turns, nodes * turns), turns)
     else:
-        orbit = solved_as_needed(alike, still, first, turns)
+        orbit = solved_as_needed(alike, still, path, turns)
     return finished(orbit, scene, velocities)
 
 

@@ -25,7 +25,7 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
-from jaxcrusher.motion.statistics import limits_of
+from jaxcrusher.motion.statistics import Statistics, limits_of
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits import forced
 from jaxcrusher.periodic import newton
@@ -90,12 +90,17 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     least_penetration: Scalar  # least delta / c at any joint: contact is kept if > 0
     multipliers: Complex[Array, " n"]  # of a disturbance, in one period: 4 a loose joint
     multipliers_error: Scalar  # estimated, of their moduli; infinite where nothing is known of it
+    # by what a motion that begins on the orbit misses its beginning after a period, in clearances
+    # and m/s, estimated; zero where the integrator has closed it
+    closure: Scalar
     validity: Validity
     way: WAYS
     # m/s, by joint: what tracked impact velocities come to, and are held at; None: not tracked
     held_velocities: Mapping[str, Scalar] | None = None
-    # what the motion from the pins at rest does, if it was waited for and no stable orbit was found
+    # what the motion from the pins at rest does, if it was waited for and led to no stable orbit,
+    # and its leading statistic over the last half of the turns that were waited for
     from_rest: RESULTS | None = None
+    run: Statistics | None = None
     # what was tried for an orbit that was not found, in words
     tried: str = eqx.field(static=True, default="")
 
@@ -114,7 +119,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
         Concrete values only.
         """
-        return " ".join(filter(None, (words(RESULTS, self.result), self.tried)))
+        return " ".join(filter(None, (words(RESULTS, self.result), self._run(), self.tried)))
 
     @property
     def found(self) -> str:
@@ -177,8 +182,17 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         require_one(self)
         if not bool(self.success) or bool(self.stable):
             return ""
-        instead = "" if self.from_rest is None else " " + words(RESULTS, self.from_rest)
-        return self._growth() + instead
+        instead = "" if self.from_rest is None else words(RESULTS, self.from_rest)
+        return " ".join(filter(None, (self._growth(), instead, self._run())))
+
+    def _run(self) -> str:
+        """Say how large the leading statistic of the motion from rest is."""
+        if self.run is None or not bool(self.run.success):
+            return ""
+        name = self.scene.leading
+        value, error = float(self.run[name]), float(self.run.standard_error(name))
+        unit = self.scene.statistics[name].unit
+        return f"Its RMS is {value:.7g} ± {error:.1g} {unit} over {self.run.turns} turns."
 
     def _growth(self) -> str:
         """Say how disturbances of an orbit grow that is not known to be stable."""
@@ -248,6 +262,7 @@ def built(
     multipliers: ArrayLike,
     multipliers_error: ArrayLike,
     way: WAYS,
+    closure: ArrayLike = 0.0,
     steps: ArrayLike = 0,
 ) -> PeriodicOrbit:
     """Return an orbit; its statistics tell the limits of the contact model.
@@ -267,6 +282,7 @@ def built(
         least_penetration,
         jnp.asarray(multipliers, complex),
         jnp.asarray(multipliers_error, float),
+        jnp.asarray(closure, float),
         limits_of(scene, values),
         way,
     )
@@ -330,12 +346,13 @@ def finished(
     zero would be wrong.
     """
     # Programs are compiled for each of the words that they are handed.
-    tried, orbit = orbit.tried, dataclasses.replace(orbit, tried="")
+    tried, run, orbit = orbit.tried, orbit.run, dataclasses.replace(orbit, tried="", run=None)
     if not is_concrete(scene):
         orbit = _masked_with_slopes(orbit, scene)
     elif not (is_concrete(orbit.result) and bool(orbit.success)):
         orbit = _masked(orbit)
-    return dataclasses.replace(orbit, scene=scene, held_velocities=held_velocities, tried=tried)
+    fields = {"held_velocities": held_velocities, "tried": tried, "run": run}
+    return dataclasses.replace(orbit, scene=scene, **fields)
 
 
 @eqx.filter_jit

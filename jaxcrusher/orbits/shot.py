@@ -32,7 +32,7 @@ ROUNDS = ((1e-8, 1e-4, STEPS), (ORBIT_RTOL, CLOSURE, STEPS))
 MATRICES = ((COARSER * ORBIT_RTOL, 0.0, 0), (ORBIT_RTOL, 0.0, 0))
 SKIPPED = ((ORBIT_RTOL, 0.0, -1),) * len(ROUNDS)
 # The unknowns of an orbit at 1024 instants a turn, as statistics look at them.
-_PATH = samples_of({"path": Observable(coordinates_seen, "1", "unknowns of the orbit")})
+PATH = samples_of({"path": Observable(coordinates_seen, "1", "unknowns of the orbit")})
 
 
 class Closed(eqx.Module):
@@ -102,7 +102,7 @@ def integrated_multipliers(
 def described(scene: Scene, found: Closed, period: int) -> PeriodicOrbit:
     """Return the orbit through a section point, with slopes by the numbers of `scene`."""
     outputs = scene.entries()
-    seen_too = outputs + _PATH
+    seen_too = outputs + PATH
     # Of the same outputs, by the same program.
     _, rough = along(without_slopes(scene), found.state, period, COARSER * ORBIT_RTOL, seen_too)
     section, seen = along(scene, found.state, period, ORBIT_RTOL, seen_too)
@@ -156,11 +156,11 @@ def least_penetrations_from(
     scene: Scene, state: Float[ArrayLike, " dims"], period: int
 ) -> Float[Array, " joints"]:
     """Return those of `jaxcrusher.orbits.forced.least_penetrations` from a section point."""
-    _, seen = along(scene, jnp.asarray(state), period, ORBIT_RTOL, _PATH)
+    _, seen = along(scene, jnp.asarray(state), period, ORBIT_RTOL, PATH)
     return least_penetrations(_path(seen))
 
 
 def _path(seen: dict[str, PyTree[Array]]) -> Float[Array, "nodes dims"]:
     """Return all unknowns at equal steps of phase, from zero on."""
     # Slices look at their ends, and not at their beginnings.
-    return jnp.roll(jnp.concatenate(list(seen[_PATH[0][0]])), 1, axis=0)
+    return jnp.roll(jnp.concatenate(list(seen[PATH[0][0]])), 1, axis=0)

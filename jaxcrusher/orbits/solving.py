@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jax.custom_batching import sequential_vmap
 from jaxtyping import Array, ArrayLike, Bool, Float, Int, Scalar
 
+from jaxcrusher.basics.checks import is_concrete
 from jaxcrusher.basics.loops import design_by_design, one_by_one
 from jaxcrusher.mechanism.reductions import SAMPLES, AbstractMean, Chosen, of_slices
 from jaxcrusher.mechanism.scene import Scene
@@ -55,7 +56,8 @@ UNRESOLVED = 1e-3
 # Instants between two of these at which the trigonometric polynomial through them is searched for
 # peaks.
 FINER = 8
-
+# Steps a period of the multipliers, more of them where the error of the last ones is too large.
+COUNTS = (STEPS, *MORE_STEPS)
 
 # What is known of an orbit by the steps of its multipliers.
 Known = tuple[Multipliers, NodeErrors]
@@ -95,16 +97,18 @@ def of_nodes(
     result: newton.RESULTS = newton.RESULTS.successful,
     steps: ArrayLike = 0,
     family: Family | None = None,
+    counts: tuple[int, ...] = COUNTS,
 ) -> Nodes:
     """Return what is known of the orbit through `x`, which may lie on a branch of a `family`.
 
-    `factors` are those of its equations; None on a branch.
+    `factors` are those of its equations; None on a branch. Multipliers take the first of `counts`
+    of steps, and the next ones as long as their error is too large.
     """
     scene, solved_for = system.args, result == newton.RESULTS.successful
     between = _between(system, x)
 
     def resolved(system: System, x: Array, between: Between, known: Known, needed: Array) -> Known:
-        for steps in MORE_STEPS:
+        for steps in counts[1:]:
             known = jax.lax.cond(
                 needed & ~(known[0].error <= UNSURE),
                 lambda _, steps=steps: _passed_on(system, x, between, family, steps),
@@ -115,7 +119,7 @@ def of_nodes(
 
     # One design after the other, on a GPU too: few need more steps. No branch is one of a batch.
     again = sequential_vmap(resolved) if family is None else resolved
-    known = _passed_on(system, x, between, family, STEPS)
+    known = _passed_on(system, x, between, family, counts[0])
     found, errors = again(system, x, between, known, solved_for)
     if factors is not None:
         rms = jax.lax.cond(
@@ -153,7 +157,6 @@ def _leading_force(phase: Scalar, x: Array, rate: Array, scene: Scene) -> Scalar
     return jnp.asarray(quantity(forced.snapshot(phase, x, rate, scene), scene))
 
 
-@eqx.filter_jit
 def solved(
     scene: Scene, guess: Float[Array, "angles dims"] | None, period: int, nodes: int
 ) -> tuple[Nodes, Factors]:
@@ -161,9 +164,23 @@ def solved(
 
     Without a guess, or with one of NaN, from the pins at rest, and then by way of a damping. A
     program of its own, which serves values and slopes; under `jax.vmap` one design after the other,
-    since few take the long way.
+    since few take the long way. Where values are known, the multipliers of the few that need more
+    steps are a further program, which others do not compile.
     """
+    if not is_concrete((scene, guess)):
+        return _solved(scene, guess, period, nodes, COUNTS)
+    found, factors = _solved(scene, guess, period, nodes, COUNTS[:1])
+    for steps in COUNTS[1:]:
+        good = found.result == newton.RESULTS.successful
+        if bool(good & ~(found.multipliers.error <= UNSURE)):
+            found = _looked_at_again(scene, found, period, steps)
+    return found, factors
 
+
+@eqx.filter_jit
+def _solved(
+    scene: Scene, guess: Array | None, period: int, nodes: int, counts: tuple[int, ...]
+) -> tuple[Nodes, Factors]:
     @design_by_design
     def found(scene: Scene, guess: Array | None) -> tuple[Nodes, Factors]:
         rest, at_rest = forced.quasi_static(scene, period, nodes), jnp.array(True)
@@ -172,21 +189,51 @@ def solved(
             rest = jnp.where(at_rest, rest, resample(guess, nodes))
         root = lowered(scene, period, rest, at_rest)
         way = WAYS.where(root.by_damping, WAYS.damping, WAYS.where(at_rest, WAYS.rest, WAYS.guess))
-        system = forced.system(scene, period)
-        orbit = of_nodes(system, root.x, root.factors, way, root.result, root.steps)
+        system, result = forced.system(scene, period), root.result
+        orbit = of_nodes(system, root.x, root.factors, way, result, root.steps, counts=counts)
         return orbit, root.factors
 
     return found(scene, guess)
 
 
+def _looked_at_again(scene: Scene, found: Nodes, period: int, steps: int) -> Nodes:
+    """Return nodes with what more steps tell of them, by one program for all numbers of nodes."""
+    seen = _seen_finely(scene, _finely(found.x, period), period, steps)
+    best = jnp.where(
+        jnp.isfinite(seen.node_errors.rms), seen.node_errors.rms, found.node_errors.rms
+    )
+    errors = seen.node_errors._replace(rms=best)
+    return dataclasses.replace(
+        found, multipliers=seen.multipliers, node_errors=errors, closure=seen.closure
+    )
+
+
+@eqx.filter_jit
+def _seen_finely(scene: Scene, x: Array, period: int, steps: int) -> Nodes:
+    return of_nodes(forced.system(scene, period), x, None, WAYS.guess, counts=(steps,))
+
+
 def with_statistics(scene: Scene, found: Nodes, factors: Factors, period: int) -> PeriodicOrbit:
-    """Return the orbit with the statistics that the table has now."""
-    return _with_statistics(scene, found, factors, period, scene.entries())
+    """Return the orbit with the statistics that the table has now.
+
+    Where values are known, one program serves all numbers of nodes.
+    """
+    outputs = scene.entries()
+    if not is_concrete((scene, found)):
+        return _with_statistics(scene, found, factors, period, outputs)
+    fine = dataclasses.replace(found, x=_finely(found.x, period))
+    orbit = _with_statistics(scene, fine, Unfactored(jnp.array(False)), period, outputs)
+    return dataclasses.replace(orbit, eccentricity=found.x)
+
+
+def _finely(x: Float[Array, "nodes dims"], period: int) -> Float[Array, "finer dims"]:
+    """Return the most nodes of the polynomial through `x`."""
+    return resample(x, max(MOST_NODES * period, len(x)))
 
 
 @eqx.filter_jit
 def _with_statistics(
-    scene: Scene, found: Nodes, factors: Factors, period: int, outputs: Chosen
+    scene: Scene, found: Nodes, factors: Factors | Unfactored, period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     system = forced.system(scene, period)
     return described(system, found, attached(system, found.x, factors), period, outputs)
@@ -269,6 +316,7 @@ def described(
         least_penetration=least,
         multipliers=found.multipliers.values,
         multipliers_error=found.multipliers_error,
+        closure=found.closure,
         steps=found.steps,
         way=found.way,
     )

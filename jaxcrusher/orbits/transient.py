@@ -8,34 +8,38 @@ import functools
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics import integrate as integration
-from jaxcrusher.basics.integrate import Outcome, integrate
+from jaxcrusher.basics.integrate import Outcome
 from jaxcrusher.basics.record import words
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import InContact
 from jaxcrusher.motion import indicators
-from jaxcrusher.motion.flow import Flow, initial_state, unflattened
+from jaxcrusher.motion.flow import initial_state, unflattened
 from jaxcrusher.motion.method import Method, resolve
-from jaxcrusher.motion.statistics import by_turns, of_whirl, statistics, statistics_problem
-from jaxcrusher.orbits.effort import Spent
+from jaxcrusher.motion.section import fine, first_failure
+from jaxcrusher.motion.statistics import Statistics, by_turns, of_whirl
+from jaxcrusher.orbits.effort import PIECE, Spent
 from jaxcrusher.orbits.forced import coordinates
 from jaxcrusher.orbits.oscillation import about_means
 from jaxcrusher.orbits.result import RESULTS
+from jaxcrusher.orbits.shot import PATH
 
 # Turns of the first round, half of which make a mean: a multiple of all periods up to six. Each
 # round lasts as long as all before it. They are integrated in pieces, between which the steps are
 # counted; half a piece is a multiple of all periods up to four.
-TURNS, PIECE = 240, 24
+TURNS = 240
 # The integration's tolerance: at 1e-6 the method feeds a swing as much as the joint damps it; at
 # 1e-7 it changes the decay by 5 to 14 %. No decay is judged by it.
 WAIT_RTOL = 1e-7
+# That of turns whose differences are slopes.
+FINE = 1e-8
 # Instants a turn at which the motion from a mean is looked at.
 ANGLES = 96
 # The longest period that a motion is looked at for, and how much narrower it must be about the
@@ -52,75 +56,108 @@ _LOG = logging.getLogger(__name__)
 
 # A section point, and the scene that moves from it.
 SceneAt = tuple[Float[Array, " dims"], Scene]
+# Section points of turns (turns, dims), statistics of each turn, and how they ended.
+NextTurns = tuple[Array, dict[str, Array], Outcome]
+# Section points after a turn, and the steps of all these integrations.
+Ends = tuple[Float[Array | np.ndarray, "n dims"], int]
 
 
-def section_points(
-    case: SceneAt, *, turns: int, rtol: float
-) -> tuple[Float[Array, "turns dims"], Outcome]:
-    """Return those of the next turns from a state, and how they ended.
+def section_points(case: SceneAt, *, turns: int, rtol: float, most: int | None = None) -> NextTurns:
+    """Return the next turns from a section point, in `most` steps each, with what tells a whirl.
 
     One integration: in lanes designs do not wait for each other at each turn's end.
     """
     state, scene = case
-    states, _, outcome = by_turns(scene, state, turns, (), resolve(scene, rtol))
-    return states, outcome
+    method = resolve(scene, rtol, Method(max_steps=most))
+    return by_turns(scene, state, turns, scene.entries(of_whirl(scene)), method)
 
 
-# What is jitted in a module cannot be pickled.
-piece = eqx.filter_jit(eqx.Partial(section_points, turns=PIECE, rtol=WAIT_RTOL))
+_section_points = eqx.filter_jit(section_points)  # what is jitted in a module cannot be pickled
+
+
+def piece(case: SceneAt, most: int | None = None) -> NextTurns:
+    """Return the next `PIECE` turns from a section point, in `most` steps each."""
+    return _section_points(case, turns=PIECE, rtol=WAIT_RTOL, most=most)
+
+
+def whirls(scene: Scene, values: dict[str, Array]) -> bool:
+    """Tell whether the last two of some turns whirl, by the statistics of each."""
+    known = scene.entries(tuple(values))
+    last = {name: one.reduction.of_pieces(values[name][-2:]) for name, one in known}
+    return bool(Statistics(2, fine(), last, values, jnp.zeros(0), known=known).whirl)
+
+
+class Lone:
+    """Turns of one search alone, as it asks for them."""
+
+    def piece(self, case: SceneAt, most: int | None) -> NextTurns:
+        """Return the next `PIECE` turns from a section point, in `most` steps each."""
+        return piece(case, most)
+
+    def turn(self, states: Float[np.ndarray, "n dims"], scene: Scene) -> Ends:
+        """Return where one turn leads from each of some section points, at `FINE`."""
+        # By the program that looks at orbits, whatever that sees besides.
+        ends = [_turn((jnp.asarray(state), scene), jnp.asarray(FINE)) for state in states]
+        return np.array([one.end for one in ends]), sum(int(one.outcome.steps) for one in ends)
+
+
+def resting(scene: Scene) -> Scene:
+    """Return the scene whose pins start at rest in their bores, whatever its own start."""
+    return scene if scene.is_ideal else eqx.tree_at(lambda s: s.start, scene, InContact())
 
 
 def resting_start(scene: Scene) -> SceneAt:
     """Return the scene with its pins resting in their bores, whatever its own start."""
-    if not scene.is_ideal:
-        scene = eqx.tree_at(lambda s: s.start, scene, InContact())
+    scene = resting(scene)
     return initial_state(scene), scene
 
 
 def section_mean(case: SceneAt, *, period: int) -> Float[Array, " dims"]:
     """Return the mean section point of some hundred turns, `period` apart."""
-    states, _ = section_points(case, turns=TURNS, rtol=WAIT_RTOL)
+    states, *_ = section_points(case, turns=TURNS, rtol=WAIT_RTOL)
     return about_means(states[TURNS // 2 :], period)[0][-1]
 
 
-def one_period(
-    case: SceneAt, *, period: int
-) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
-    """Return e / c at equal steps of phase over `period` turns from a section point.
+class Followed(NamedTuple):
+    """Some turns from a section point: the state after them, and what was seen on the way."""
 
-    With it comes whether the integration succeeded.
+    end: Float[Array, " dims"]
+    path: Float[Array, "instants half"]  # e / c at `SAMPLES` instants a turn
+    outcome: Outcome
+
+
+def followed(case: SceneAt, turns: int, rtol: float) -> Followed:
+    """Follow a motion turn by turn; concrete values only.
+
+    One program serves all periods and tolerances.
     """
-    begun, scene = case
-    state = unflattened(begun, scene)
-    assert state is not None
-    phases = jnp.asarray(2 * np.pi * np.arange(1, ANGLES * period)[:, None] / ANGLES)
-    flow, method = Flow(scene, state), resolve(scene, WAIT_RTOL)
-    problem, _ = statistics_problem(flow, ())
-    (states, _), outcome = integrate(flow, phases, problem=problem, method=method)
-    path = jax.vmap(coordinates)(states)
-    return jnp.concatenate([coordinates(state)[None], path]), outcome.success
+    (state, scene), paths, outcome = case, [], fine()
+    for _ in range(turns):
+        state, path, after = _turn((state, scene), jnp.asarray(rtol))
+        outcome = first_failure(outcome, after)
+        paths.append(path)
+    return Followed(state, jnp.concatenate(paths), outcome)
 
 
-_one_period = eqx.filter_jit(one_period)
-
-
-def whirls_next(case: SceneAt, most: int | None = None) -> tuple[Bool[Array, ""], Outcome]:
-    """Return whether the next two turns whirl, in so many steps a turn, and how they ended."""
+@eqx.filter_jit
+def _turn(case: SceneAt, rtol: Scalar) -> Followed:
     state, scene = case
-    outputs, method = of_whirl(scene), Method(max_steps=most)
-    seen = statistics(scene, 0, 2, outputs=outputs, state=state, rtol=WAIT_RTOL, method=method)
-    return seen.whirl, seen.outcome
+    states, values, outcome = by_turns(scene, state, 1, PATH, resolve(scene, rtol))
+    begun = unflattened(state, scene)
+    assert begun is not None
+    ((path,),) = values.values()
+    # Instants are seen at the ends of steps between them, and so is the last one.
+    path = jnp.concatenate([coordinates(begun)[None], path[:-1]])
+    return Followed(states[-1], path, outcome)
 
 
-def growth_of(
-    end: Float[np.ndarray, "*cases dims"], beside: Float[np.ndarray, "*cases dims"]
-) -> Float[np.ndarray, "*cases"] | np.float64:
+def growth_of(end: Float[np.ndarray, " dims"], beside: Float[np.ndarray, " dims"]) -> float:
     """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980).
 
     It is that of motions whose `PIECE` turns end so, and which began `APART`. Of those that are as
     far from each other as they come it is at least 0.3.
     """
-    return np.log(np.linalg.norm(beside - end, axis=-1) / APART) / PIECE
+    return float(np.log(np.linalg.norm(beside - end) / APART) / PIECE)
 
 
 @dataclass(frozen=True)
@@ -174,9 +211,10 @@ class Wait:
     It is integrated in pieces of whole turns, within an effort.
     """
 
-    def __init__(self, scene: Scene, spent: Spent) -> None:
-        self._own, self.spent = scene, spent
+    def __init__(self, scene: Scene, spent: Spent, runs: Lone | None = None) -> None:
+        self._own, self.spent, self._runs = scene, spent, runs or Lone()
         self._ended: Array | None = None  # the state after all turns so far
+        self._values: list[dict[str, Array]] = []  # of each piece
         self._last: Round | None = None
         self._end: RESULTS | None = None  # why no further turns lead to an orbit
 
@@ -190,20 +228,9 @@ class Wait:
         """Return the state with its pins at rest."""
         return self._begun[0]
 
-    def piece(self, state: Array) -> tuple[Float[Array, "turns dims"], Outcome]:
-        """Return the section points of the next `PIECE` turns from a state, and how they ended."""
-        return piece((state, self._begun[1]))
-
-    def whirls_next(self, state: Array, most: int | None) -> tuple[bool, Outcome]:
-        """Return whether the next two turns whirl, as `whirls_next` does."""
-        whirls, outcome = whirls_next((state, self._begun[1]), most)
-        return bool(whirls), outcome
-
-    def one_period(
-        self, state: Array, turns: int
-    ) -> tuple[Float[Array, "angles half"], Bool[Array, ""]]:
-        """Return e / c over so many turns from a section point, as `one_period` does."""
-        return _one_period((state, self._begun[1]), period=turns)
+    def piece(self, state: Array) -> NextTurns:
+        """Return the next `PIECE` turns from a state."""
+        return self._runs.piece((state, self._begun[1]), self.spent.most)
 
     @property
     def _state(self) -> Array:
@@ -218,18 +245,21 @@ class Wait:
         seen = np.zeros((0, len(self._state)))
         last = self.spent.bounds.turns // TURNS - 1
         for turn in range(last + 1):
-            if self._ends() is not None:
-                return
             _LOG.info("waiting: turns %d to %d from rest", turn * TURNS + 1, (turn + 1) * TURNS)
             while len(seen) < (turn + 1) * TURNS and self.spent.affords(2 * PIECE):
                 begun = self._state
-                states, outcome = self.piece(begun)
-                if not bool(outcome.success):
-                    self._end = RESULTS.not_integrated
-                    return
+                states, values, outcome = self.piece(begun)
                 self.spent.integrated(outcome, PIECE)
+                if not bool(outcome.success):
+                    long = bool(outcome.result == integration.RESULTS.max_steps_reached)
+                    self._end = RESULTS.too_long if long else RESULTS.not_integrated
+                    return
                 self.spent.turns += PIECE
+                self._values.append(values)
                 seen, self._ended = np.concatenate([seen, states]), states[-1]
+                if whirls(self._begun[1], values):
+                    self._end = RESULTS.whirl
+                    return
             ends = not self.spent.affords(2 * PIECE)
             if len(seen) and (turn & (turn + 1) == 0 or ends):  # a power of two, or the last
                 growth = self.growth(begun, seen[-1])
@@ -240,35 +270,30 @@ class Wait:
             if ends:
                 return
 
+    def statistics(self) -> Statistics | None:
+        """Return those of the last half of the turns that were waited for; None if none were."""
+        if not self._values:
+            return None
+        scene, first = self._begun[1], len(self._values) // 2
+        known = scene.entries(tuple(self._values[first]))
+        by_turn = {n: jnp.concatenate([v[n] for v in self._values[first:]]) for n, _ in known}
+        values = {name: one.reduction.of_pieces(by_turn[name]) for name, one in known}
+        turns = PIECE * (len(self._values) - first)
+        return Statistics(turns, fine(), values, by_turn, self._state, known=known)
+
     def told(self) -> str:
         """Say what was tried, and after turns that were waited for what the motion does."""
-        motion = f"{words(RESULTS, self.regime(RESULTS.aperiodic))} " if self.spent.turns else ""
-        return f"{motion}{self.spent}"
+        regime = self.regime() if self.spent.turns else None
+        return str(self.spent) if regime is None else f"{words(RESULTS, regime)} {self.spent}"
 
-    def regime(self, otherwise: RESULTS) -> RESULTS:
-        """Name what the motion does that has no orbit."""
-        if (end := self._ends()) is not None:
-            return end
-        return otherwise if self._last is None else self._last.motion()
+    def regime(self) -> RESULTS | None:
+        """Name what the motion does that has no orbit; None if it was not waited for."""
+        if self._end is not None or self._last is None:
+            return self._end
+        return self._last.motion()
 
     def growth(self, begun: Array, end: Float[np.ndarray, " dims"]) -> float:
         """Return by `growth_of` what a disturbance grows by in a piece that begins and ends so."""
-        beside, outcome = self.piece(begun + APART / np.sqrt(begun.size))
+        beside, _, outcome = self.piece(begun + APART / np.sqrt(begun.size))
         self.spent.integrated(outcome, PIECE)
         return float(growth_of(end, np.asarray(beside)[-1]))
-
-    def _ends(self) -> RESULTS | None:
-        """Tell why a wait ends: the next two turns whirl, fail or are too long."""
-        if self._end is not None:
-            return self._end
-        bounds = self.spent.bounds
-        # More steps a turn leave no piece of turns within the bound.
-        most = int(bounds.steps / PIECE) if bounds.bounded else None
-        whirls, outcome = self.whirls_next(self._state, most)
-        self.spent.integrated(outcome, 2)
-        if not bool(outcome.success):
-            long = bool(outcome.result == integration.RESULTS.max_steps_reached)
-            self._end = RESULTS.too_long if long else RESULTS.not_integrated
-        elif whirls:
-            self._end = RESULTS.whirl
-        return self._end

@@ -26,16 +26,26 @@ from jaxtyping import Array, Scalar
 from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.state import pins_of
-from jaxcrusher.motion.section import poincare_section
 from jaxcrusher.orbits.effort import Spent
-from jaxcrusher.orbits.forced import can_be_shot, unknowns
+from jaxcrusher.orbits.forced import can_be_shot, pins, unknowns
 from jaxcrusher.orbits.oscillation import NEAR, oscillation_about
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
-from jaxcrusher.orbits.shot import ORBIT_RTOL, closed, described, integrated_multipliers
+from jaxcrusher.orbits.shot import ORBIT_RTOL, STEPS, closed, described, integrated_multipliers
 from jaxcrusher.orbits.solving import NODES, SETTLED, Nodes, solved, with_statistics
-from jaxcrusher.orbits.transient import LONGEST, Round, Wait, resting_start, section_mean
-from jaxcrusher.periodic import newton
+from jaxcrusher.orbits.transient import (
+    LONGEST,
+    Followed,
+    Lone,
+    Round,
+    Wait,
+    followed,
+    resting,
+    resting_start,
+    section_mean,
+)
+from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.multipliers import UNSURE
+from jaxcrusher.periodic.newton import HostRoot, newton_on_host
 from jaxcrusher.periodic.trigonometric import resample
 
 # Distances in clearances from an unstable orbit, at which the orbit of twice the turns is shot for.
@@ -48,6 +58,11 @@ COMES_BACK = 1e-6
 SURELY_CLOSED = 1e-7
 # Turns of a wait that cost as much as shooting for a period of one turn.
 SHOT = 300
+# Nodes a turn to begin with where the path is known.
+COUNTS = (NODES, 2 * NODES, MOST_NODES)
+# Differences of turns are over twice this shift of a section point, in clearances and m/s; their
+# tolerance of 1e-8 leaves 1e-4 of a slope. Newton's last step, from where nodes or shooting go on.
+DIFFERENCE, NEAR_ENOUGH = 1e-4, 1e-5
 
 # Tells each try as it begins, for a program that shows how far it is.
 _LOG = logging.getLogger(__name__)
@@ -73,6 +88,8 @@ class OrbitSearch(NamedTuple):
     section: Array | None  # the section point of a guess, which may lose contact
     period: int | None  # None is 1, or else what the motion that is waited for repeats after
     spent: Spent
+    runs: Lone = Lone()  # how turns are integrated
+    first: Try | None = None  # what Newton's method from the guess, or from rest, came to
 
     @property
     def turns(self) -> int:
@@ -121,7 +138,7 @@ class OrbitSearch(NamedTuple):
     def _wants_nodes(self, orbit: PeriodicOrbit, doubted: bool) -> bool:
         """Tell whether more nodes may help: what they do not resolve is sooner shot for."""
         inexact = bool(orbit.success) and (doubted or not float(orbit.error) <= SETTLED)
-        return inexact or (_is_unresolved(orbit) and not self.spent.bounds.bounded)
+        return inexact or (is_unresolved(orbit.result) and not self.spent.bounds.bounded)
 
     def with_multipliers(self, found: Try, nodes: Nodes) -> Try:
         """Return an orbit with multipliers by the integrator, if steps or nodes leave them unsure.
@@ -148,11 +165,14 @@ class OrbitSearch(NamedTuple):
 
     def _comes_back(self, orbit: PeriodicOrbit) -> bool:
         """Whether a motion that begins on the orbit comes back, by the integrator."""
-        state, turns = orbit.section, orbit.period
-        end = poincare_section(orbit.scene, 0, turns, state=state, rtol=ORBIT_RTOL)
-        self.spent.integrated(end.outcome, turns)
-        apart = np.max(np.abs(np.asarray(end.states)[-1] - np.asarray(state)))
-        return bool(end.success) and bool(apart < COMES_BACK)
+        end, _, outcome = self._followed(orbit.section, orbit.period)
+        self.spent.integrated(outcome, orbit.period)
+        apart = np.max(np.abs(np.asarray(end) - np.asarray(orbit.section)))
+        return bool(outcome.success) and bool(apart < COMES_BACK)
+
+    def _followed(self, state: Array, turns: int) -> Followed:
+        """Follow the motion from a section point."""
+        return followed((state, resting(self.still)), turns, ORBIT_RTOL)
 
     def can_shoot(self, start: Array, turns: int) -> bool:
         """Tell whether the integrator may solve from a section point, within the effort."""
@@ -170,12 +190,42 @@ class OrbitSearch(NamedTuple):
             return Try(orbit, orbit)
         return Try(described(self.scene, found, turns), orbit)
 
-    def by_shots(self, start: Array, turns: int, way: WAYS) -> list[Try]:
-        """Return a shot, and before it, where it keeps contact, the nodes there: they are exact."""
-        shot = self.by_shooting(start, turns)
-        if not bool(shot.orbit.least_penetration > 0):
-            return [shot]
-        return [self.by_nodes(shot.orbit.eccentricity, turns, 2 * NODES).replaced(way=way), shot]
+    def approached(self, start: Array, turns: int) -> HostRoot | None:
+        """Return the section point near `start` that repeats, None if there is none.
+
+        By Newton's method, whose slopes are central differences of turns.
+        """
+        _LOG.info("Newton's method on section points for a period of %d", turns)
+        scene, shifts = resting(self.still), DIFFERENCE * np.eye(start.size)
+        shifts = np.concatenate([np.zeros((1, start.size)), shifts, -shifts])
+
+        def evaluated(point: np.ndarray) -> tuple[np.ndarray, np.ndarray, None]:
+            ends = point + shifts
+            for _ in range(turns):
+                ends, steps = self.runs.turn(np.asarray(ends), scene)
+                self.spent.steps += steps
+            ends = np.asarray(ends)
+            above, below = np.split(ends[1:], 2)
+            matrix = (above - below).T / (2 * DIFFERENCE)
+            return ends[0] - point, matrix - np.eye(start.size), None
+
+        return newton_on_host(evaluated, np.asarray(start), NEAR_ENOUGH, STEPS)
+
+    def by_shots(self, start: Array, turns: int, way: WAYS) -> Iterator[Try]:
+        """Yield the orbit near a section point: by nodes, or by shooting where it loses contact."""
+        found = self.approached(start, turns)
+        if found is None:
+            return
+        state = jnp.asarray(found.point)
+        path = np.asarray(self._followed(state, turns).path)
+        if np.all(np.linalg.norm(pins(path), axis=-1) > 1):
+            count = next(n for n in COUNTS if n == COUNTS[-1] or _settles(path, n * turns))
+            nodes = self.by_nodes(jnp.asarray(path), turns, count).replaced(way=way)
+            yield nodes
+            if bool(nodes.orbit.success):
+                return
+        if self.can_shoot(state, turns):
+            yield self.by_shooting(state, turns)
 
     def doubled(self, orbit: PeriodicOrbit) -> Iterator[Try]:
         """Yield shots from beside an unstable orbit until one leads to an orbit of twice its turns.
@@ -185,24 +235,21 @@ class OrbitSearch(NamedTuple):
         turns, start = 2 * orbit.period, orbit.section
         if turns > LONGEST or not self.can_shoot(start, turns):
             return
-        found = closed(self.still, start, orbit.period)
-        if not bool(found.result == newton.RESULTS.successful):
+        found = self.approached(start, orbit.period)
+        if found is None:
             return
-        values, vectors = np.linalg.eig(np.asarray(found.matrix))
+        values, vectors = np.linalg.eig(found.jacobian + np.eye(start.size))
         way = np.real(vectors[:, np.argmin(np.where(np.imag(values), np.inf, np.real(values)))])
         way /= np.max(np.abs(way[pins_of(self.still)]))
         for distance in BESIDE:
-            if not self.can_shoot(start, turns):
-                return
-            shots = self.by_shots(start + distance * way, turns, WAYS.doubling)
-            yield from shots
-            reached = shots[-1].orbit
-            if bool(reached.success) and not _is_near(reached.section, start):
-                return
+            for one in self.by_shots(start + distance * way, turns, WAYS.doubling):
+                yield one
+                if bool(one.orbit.success) and not _is_near(one.orbit.section, start):
+                    return
 
     def wait(self) -> Wait:
         """Return the wait for the motion from rest, which has not begun."""
-        return Wait(self.still, self.spent)
+        return Wait(self.still, self.spent, self.runs)
 
 
 def searched(search: OrbitSearch, nodes: int | None) -> PeriodicOrbit:
@@ -249,11 +296,15 @@ def first_stable(tries: Iterable[Try], wait: Wait | None = None) -> PeriodicOrbi
     first = next((one for one in found if bool(one.orbit.success)), found[0])
     sloped, orbit = found[-1] if bool(found[-1].orbit.stable) else first
     settled = bool(orbit.stable) or _is_stiff(orbit)
-    regime = None if wait is None or settled else wait.regime(orbit.result)
-    # That of an orbit whose slopes are asked for may be traced.
-    if regime is None or bool(orbit.success):
-        return dataclasses.replace(sloped, result=orbit.result, from_rest=regime)
-    return dataclasses.replace(sloped, result=regime, tried=str(wait.spent))
+    # The result of an orbit whose slopes are asked for may be traced.
+    sloped = dataclasses.replace(sloped, result=orbit.result)
+    if wait is None or settled:
+        return sloped
+    regime = wait.regime()
+    sloped = dataclasses.replace(sloped, from_rest=regime, run=wait.statistics())
+    if bool(orbit.success):
+        return sloped
+    return dataclasses.replace(sloped, result=regime or orbit.result, tried=str(wait.spent))
 
 
 def _so_far(found: list[Try], wait: Wait | None) -> str:
@@ -268,38 +319,34 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
     scene, turns, bounds = search.still, search.turns, search.spent.bounds
     shot_from: list[tuple[int, Array]] = []
 
-    def shots(start: Array, turns: int = turns) -> Iterator[Try]:
-        """Yield what shooting leads to.
+    def shots(start: Array, turns: int, way: WAYS) -> Iterator[Try]:
+        """Yield what section points lead to.
 
-        The mean of later turns may be where one led to an orbit: it is not shot from again.
+        The mean of later turns may be where one led to an orbit: that is not started from again.
         """
-        known = any(turns == n and _is_near(start, at) for n, at in shot_from)
-        if known or not search.can_shoot(start, turns):
+        if any(turns == n and _is_near(start, at) for n, at in shot_from):
             return
-        found = search.by_shots(start, turns, WAYS.shot_nodes)
-        if bool(found[-1].orbit.success):
-            shot_from.append((turns, start))
-        yield from found
+        for one in search.by_shots(start, turns, way):
+            yield one
+            if bool(one.orbit.success):
+                shot_from.append((turns, start))
 
     def waited(rest: Round) -> Iterator[Try]:
         """Yield what the means of turns lead to; those of chaos lead nowhere that is stable."""
         for turns, mean in () if rest.chaotic else rest.means(search.period):
-            seen, success = wait.one_period(mean, turns)
-            if bool(success):
-                yield search.by_nodes(seen, turns).replaced(way=WAYS.waiting)
-            yield from shots(mean, turns)
+            yield from shots(mean, turns, WAYS.waiting)
 
     def more() -> Iterator[Try]:
         """Yield what twice the nodes lead to, and shooting from what nodes do not resolve."""
         if bounds.nodes > begin:
             yield search.by_nodes(None, turns, 2 * begin)
-        if _is_unresolved(first.orbit):
+        if is_unresolved(first.orbit.result):
             # What Newton's method converged to is near the orbit that loses contact.
-            yield from shots(first.orbit.section)
+            yield from shots(first.orbit.section, turns, WAYS.shot_nodes)
 
     # An unbounded search needs the more nodes sooner or later: one program then serves all orbits.
     begin = NODES if bounds.bounded else 2 * NODES
-    first, rounds = search.by_nodes(search.guess, turns, begin), wait.rounds()
+    first, rounds = search.first or search.by_nodes(search.guess, turns, begin), wait.rounds()
     if turns == 1 and bool(first.orbit.stable) and bool(first.orbit.way == WAYS.damping):
         pins = pins_of(scene)
         section = np.asarray(first.orbit.section)[None, pins]
@@ -308,16 +355,17 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
                 yield from waited(rest)
     yield first
     if search.section is not None:
-        yield from shots(search.section)
+        yield from shots(search.section, turns, WAYS.guess)
     if search.guess is not None:
         yield search.by_nodes(None, turns)
-    late = more()
+    late, chaotic = more(), False
     if not bounds.bounded:
         yield from late
     for rest in rounds:
         yield from waited(rest)
-        if not rest.chaotic:
-            yield from late  # once
+        chaotic = rest.chaotic
+    if not chaotic:
+        yield from late  # once
 
 
 def with_doubled(search: OrbitSearch, tries: Iterable[Try]) -> Iterator[Try]:
@@ -344,6 +392,12 @@ def _has_doubled(orbit: PeriodicOrbit) -> bool:
     return bool(orbit.success) and not bool(orbit.stable) and flips
 
 
+def _settles(path: np.ndarray, nodes: int) -> bool:
+    """Whether a polynomial through so many nodes follows a path over its period."""
+    sizes = 2 / len(path) * np.abs(np.fft.rfft(path, axis=0))
+    return bool(np.max(np.sum(sizes[nodes // 2 :], axis=0)) < SETTLED)
+
+
 def _is_near(one: Array, other: Array) -> bool:
     """Whether two section points are one place."""
     return bool(np.max(np.abs(one - other)) < NEAR)
@@ -360,9 +414,9 @@ def _shots(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
     yield Try(none, none)
 
 
-def _is_unresolved(orbit: PeriodicOrbit) -> bool:
-    """Whether Newton's method converged to what the nodes do not resolve."""
-    return bool(orbit.result == RESULTS.contact_lost) or bool(orbit.result == RESULTS.unresolved)
+def is_unresolved(result: RESULTS) -> bool:
+    """Tell whether Newton's method converged to what the nodes do not resolve."""
+    return bool(result == RESULTS.contact_lost) or bool(result == RESULTS.unresolved)
 
 
 def _is_stiff(orbit: PeriodicOrbit) -> bool:

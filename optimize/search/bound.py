@@ -12,7 +12,6 @@ import numpy as np
 import scipy.spatial
 from jaxtyping import Bool, Float, Int
 
-from jaxcrusher.dynamics.many_orbits import alone
 from jaxcrusher.files.text import quantity
 from optimize.answer import Bound, Confirmed, Maps, OpenPoint
 from optimize.ask.design import GRID_DIMENSIONS
@@ -103,7 +102,7 @@ class Points:
         apart, at = scipy.spatial.KDTree(self.places).query(places)
         if (apart > SAME).any():
             new = np.unique(np.round(places[apart > SAME], 12), axis=0)
-            self.add(new, solve(self.problem, new, quick=True, tracking=self._tracking))
+            self.add(new, solve(self.problem, new, tracking=self._tracking))
             self._told(len(self) - self.begun, MOST)
             at = scipy.spatial.KDTree(self.places).query(places)[1]
         return np.reshape(at, corners.shape[:2])
@@ -111,7 +110,7 @@ class Points:
     def wait(self, which: Int[np.ndarray, " some"]) -> None:
         """Wait for the orbits of points for as long as it takes, and name what has none."""
         self.waited |= {*which.tolist()}
-        rows = solve(self.problem, self.places[which], alone, tracking=self._tracking)
+        rows = solve(self.problem, self.places[which], effort="usual", tracking=self._tracking)
         self._put(which, rows)
         for i, n in enumerate(which.tolist()):
             if n in self.open:

@@ -9,12 +9,11 @@ import xarray as xr
 from jaxtyping import Array, Float, PyTree, Scalar
 
 import jaxcrusher as jc
-from jaxcrusher.dynamics.many_orbits import MOTION, Sought, alone, beside, solve_orbits
+from jaxcrusher.dynamics.many_orbits import MOTION, Sought, beside, solve_orbits
 from jaxcrusher.files.table import COLUMNS, Column, columns_of
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.forced import refusal, unknowns
-from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.orbits.solving import NODES
+from jaxcrusher.orbits.result import WAYS, PeriodicOrbit
 from optimize.answer import Coexisting, Orbit
 from optimize.ask import constraints
 from optimize.ask.design import GRID_DIMENSIONS
@@ -50,26 +49,23 @@ def solve(
     places: Float[np.ndarray, "points n"],
     neighbours: Callable[[int], list[int]] | None = None,
     *,
-    sections: Float[np.ndarray, "points states"] | None = None,
-    quick: bool = False,
+    effort: str | None = None,
     tracking: Tracking = NOWHERE,
 ) -> Rows:
     """Solve for the orbits of places of the unit box.
 
-    It is done as by `jaxcrusher.dynamics.many_orbits.solve_orbits`. Without `neighbours` of a point
-    each is only tried from the pin at rest in its bore, and by shooting where `sections` has a
-    guess. Rows of shape (points,) hold `objective` and `counts` (see `constraints.of_orbits`)
-    besides; `slope` is that of the objective per unit of each free parameter, (points, n).
+    It is done as by `jaxcrusher.dynamics.many_orbits.solve_orbits`: without an `effort` each is
+    only tried from the pin at rest in its bore. Rows of shape (points,) hold `objective` and
+    `counts` (see `constraints.of_orbits`) besides; `slope` is that of the objective per unit of
+    each free parameter, (points, n).
     `numbers` are those of `Problem.numbers`, with their `slopes` by the axes of the unit box,
     (points, numbers, n).
     """
     rows = solve_orbits(
         _sought(problem),
         (places, {}),
-        (NODES, 2 * NODES),
-        neighbours,
-        sections=sections,
-        quick=quick,
+        effort=effort,
+        neighbours=neighbours,
         chunk=CHUNK,
         **vars(tracking),
     )
@@ -126,7 +122,7 @@ def spares(problem: Problem, numbers: dict[str, descents.Smooth]) -> tuple[desce
 @functools.lru_cache(maxsize=8)
 def _sought(problem: Problem) -> Sought:
     numbers = tuple(eqx.Partial(_number, problem=problem, name=name) for name in problem.numbers)
-    return Sought(eqx.Partial(_scene, problem=problem), numbers, 1, unknowns(problem.scene))
+    return Sought(eqx.Partial(_scene, problem=problem), numbers, None, unknowns(problem.scene))
 
 
 def _scene(unit: Array, _: PyTree, problem: Problem) -> Scene:
@@ -154,15 +150,15 @@ def solve_map(
     """
     if unknowns(problem.scene) > 2 and not keeps_contact():
         return None
-    some = solve(problem, spread(places, CHUNK), quick=True)
+    some = solve(problem, spread(places, CHUNK))
     if not some["success"].any() and not keeps_contact():
         return None
-    rows, motions = solve(problem, places, quick=True, tracking=tracking), ()
+    rows, motions = solve(problem, places, tracking=tracking), ()
     if not rows["counts"].any():
         count = len(problem.design.names)
         # The points of a sequence lie too far apart to help each other.
-        near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else alone
-        rows, motions = solve(problem, places, near, tracking=tracking), MOTION
+        near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else None
+        rows, motions = solve(problem, places, near, effort="usual", tracking=tracking), MOTION
     rows |= drawn.turns(problem, places, rows)
     of = problem.objective
     columns = columns_of(problem.scene.statistics, problem.told) | drawn.COLUMNS
@@ -195,7 +191,8 @@ def orbit_of(problem: Problem, unit: Float[np.ndarray, " n"]) -> Orbit | None:
     solution = jc.periodic_orbit(scene, effort="thorough")
     offsets = BESIDE * np.eye(len(unit))
     places = np.concatenate([unit[None], unit + offsets, unit - offsets])
-    rows = solve(problem, places, sections=np.tile(solution.section, (len(places), 1)))
+    effort = None if bool(solution.way == WAYS.rest) else "usual"
+    rows = solve(problem, places, effort=effort)
     above, below = np.split(rows["objective"][1:], 2)
     slopes, names = rows["slope"][0], problem.design.names
     apart = np.abs((above - below) / (2 * BESIDE * widths(problem)) - slopes)

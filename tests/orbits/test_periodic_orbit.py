@@ -71,6 +71,19 @@ def test_one_program_serves_the_pins_at_rest_and_a_guess(orbit, caplog):
     assert not any("solved" in line for line in caplog.messages if line.startswith("Compiling"))
 
 
+def test_more_nodes_compile_newtons_method_alone(orbit, caplog):
+    """Statistics are one program for all numbers of nodes, and no more steps are prepared for."""
+    few = jc.periodic_orbit(orbit.scene, nodes=96)
+    with jax.log_compiles():
+        more = jc.periodic_orbit(orbit.scene, nodes=110)
+    compiled = [line for line in caplog.messages if line.startswith("Compiling")]
+    assert any("_solved" in line for line in compiled)
+    assert not any("_with_statistics" in line or "_seen_finely" in line for line in compiled)
+    assert len(few.eccentricity) == 96 and len(more.eccentricity) == 110
+    # Rounding, and what 96 nodes leave.
+    np.testing.assert_allclose(more.foundation_rms, few.foundation_rms, rtol=1e-8)
+
+
 @pytest.mark.slow
 def test_a_slope_beside_an_orbit_compiles_no_second_search(caplog):
     def rms(clearance):
@@ -112,7 +125,7 @@ def test_an_oscillation_decays_as_the_largest_multiplier_says():
     orbit = jc.periodic_orbit(jc.paper_scene(25.0, 0.03e-3, restitution=0.2))
     beside = orbit.section + jnp.array([0.01, 0.0, 0.0, 0.0])
     run = eqx.filter_jit(section_points)
-    points, outcome = run((beside, orbit.scene), turns=480, rtol=1e-10)
+    points, _, outcome = run((beside, orbit.scene), turns=480, rtol=1e-10)
     apart = np.asarray(points - orbit.section[None])[:, :2].reshape(8, 60, 2)
     turns, sizes = 60 * np.arange(8), np.sqrt(np.mean(apart**2, axis=(1, 2)))
     line = linregress(turns, np.log(sizes))

@@ -25,6 +25,7 @@ from jaxcrusher.orbits.tries import (
 )
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.multipliers import UNSURE
+from jaxcrusher.periodic.trigonometric import resample
 
 # Near a harmonic of the drive Newton's method fails from rest. RMS of 20 turns after 3000 from the
 # start in contact, at a tolerance of 1e-9, by the integrator.
@@ -149,6 +150,42 @@ def test_nodes_are_doubled_until_the_orbit_is_closed():
     assert asked == [96, 192, 384] and orbit.result == RESULTS.not_closed
 
 
+def test_a_shot_that_keeps_contact_is_solved_for_by_as_many_nodes_as_it_needs(monkeypatch):
+    """Its own statistics, a long program, are sought only where these nodes do not serve."""
+    scene, asked = jc.paper_scene(27.0, 0.05e-3), []
+    stable = jc.periodic_orbit(scene, nodes=96)
+    seen = tries.Closed(
+        stable.section, jnp.eye(4), jnp.zeros(()), jnp.array(1), newton.RESULTS.successful
+    )
+    monkeypatch.setattr(tries, "closed", lambda *_: seen)
+    monkeypatch.setattr(tries, "described", lambda *_: asked.append("described") or stable)
+
+    class Search(OrbitSearch):
+        def by_nodes(self, guess, turns, count, most=None):
+            asked.append(count)
+            # By the integrator, whose tolerance leaves some 1e-10 of a clearance.
+            found = resample(jnp.asarray(guess), 96)
+            np.testing.assert_allclose(found, stable.eccentricity, atol=1e-8)
+            return Try(stable, stable)
+
+    search = Search(scene, scene, None, None, None, Spent("usual"))
+    shots = search.by_shots(stable.section, 1, WAYS.shot_nodes)
+    assert next(shots).orbit.way == WAYS.shot_nodes and asked == [192]
+    assert next(shots).orbit is stable and asked == [192, "described"]
+    # What more than 192 nodes have is asked for with 384; that of a pin off its bore is shot for.
+    path = np.asarray(resample(stable.eccentricity, 1024))
+    for bent, expected in ((1e-6, [384, "described"]), (2.0, ["described"])):
+        wave = bent * np.cos(2 * np.pi * 120 * np.arange(1024) / 1024)[:, None]
+        one = tries.Followed(stable.section, jnp.asarray(path + wave), False, fine())
+        monkeypatch.setattr(tries, "followed", lambda *_, one=one: one)
+        monkeypatch.setattr(
+            Search, "by_nodes", lambda *a: asked.append(a[3]) or Try(stable, stable)
+        )
+        asked.clear()
+        list(search.by_shots(stable.section, 1, WAYS.shot_nodes))
+        assert asked == expected
+
+
 def test_twice_the_turns_are_shot_for_once_beside_an_orbit_that_doubles():
     """A call that asks for a period, and an orbit that does not double, are left as they are."""
     scene = jc.paper_scene(27.0, 0.05e-3)
@@ -230,7 +267,7 @@ class Swinging(Wait):
         grown = np.exp(self.rate * np.arange(1, transient.PIECE + 1))[:, None]
         states = np.round(random.uniform(size=(transient.PIECE, 4)), 3)
         states += np.clip(np.asarray(state - begun) * grown, -0.5, 0.5)
-        return jnp.asarray(states), self._outcome(transient.PIECE)
+        return jnp.asarray(states), {}, self._outcome(transient.PIECE)
 
     def whirls_next(self, state, most):
         return self.whirling, self._outcome(0)
@@ -348,9 +385,9 @@ def test_each_effort_takes_its_tries_in_its_order():
         def with_multipliers(self, found, nodes):
             return none
 
-        def by_shooting(self, start, turns):
+        def by_shots(self, start, turns, way):
             asked.append(("shot", turns))
-            return none
+            yield none
 
         def wait(self):
             return Still(0.1, self.spent)
