@@ -17,7 +17,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.loops import on_a_gpu
 from jaxcrusher.periodic.newton import Factors, Root, newton
-from jaxcrusher.periodic.system import System
+from jaxcrusher.periodic.system import System, jacobian
 
 # Of the last step, in the unit of x: rounding leaves some 1e-13 of the differentiation matrix.
 TOLERANCE, MAX_STEPS = 1e-10, 40
@@ -80,7 +80,7 @@ def _attached_jvp(primals, tangents):
     # Of the differentiated equations, at the orbit itself.
     times, rate, _ = system.motion(x)
     (by_x, by_rate), _ = system.slopes(times, x, rate)
-    first, second = system.matrices(len(x))
+    first, second = matrices = system.matrices(len(x))
 
     def moved(change: Array) -> Array:
         bent = jnp.einsum("iab,ib->ia", by_x, change)
@@ -88,7 +88,7 @@ def _attached_jvp(primals, tangents):
 
     def solve(apply: Callable, right: Array, transposed: int) -> Array:
         if isinstance(factors, Unfactored):
-            known = factors.needed, system, by_x, by_rate
+            known = factors.needed, by_x, by_rate, matrices
             return _directly(transposed)(known, right[None])[0]
 
         # The factors belong to a point a small step away: each pass squares what that leaves.
@@ -119,12 +119,11 @@ def _directly(transposed: int) -> Callable:
 
     @custom_vmap
     def solve(known: tuple, rights: Array) -> Array:
-        needed, system, by_x, by_rate = known
+        needed, *parts = known
 
         def solved() -> Array:
-            size = by_x.shape[0] * by_x.shape[1]
-            # Constants of this program would be copied for every design.
-            factors = lu_factor(system.jacobian(by_x, by_rate, jnp).reshape(size, size))
+            size = rights[0].size
+            factors = lu_factor(jacobian(*parts).reshape(size, size))
             flat = lu_solve(factors, rights.reshape(len(rights), size).T, trans=transposed)
             return flat.T.reshape(rights.shape)
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.periodic.newton import HostRoot
+from jaxcrusher.periodic.newton import Root
 
 # Newton's steps of a correction: more, and the step along the branch was too long.
 MOST_CORRECTIONS = 8
@@ -40,6 +40,22 @@ class Vanishing(NamedTuple):
 
     value: Any
     slopes: tuple[Any, Any]
+
+
+class Zero(NamedTuple):
+    """A zero of equations, their Jacobian one step before, and what else they told there."""
+
+    unknowns: np.ndarray
+    jacobian: np.ndarray
+    seen: Any
+    steps: int  # of Newton's method
+
+
+def zero_of(root: Root, seen: Any = None) -> Zero | None:
+    """Return the zero at which Newton's method ended; None if it has failed."""
+    if not bool(root.success):
+        return None
+    return Zero(np.asarray(root.point), np.asarray(root.jacobian), seen, int(root.steps))
 
 
 class Stride(NamedTuple):
@@ -73,7 +89,7 @@ class AbstractPeriodicProblem(eqx.Module):
         """Return the defect at a zero: the exact equations' residual, in the shape of this one."""
 
     @abstractmethod
-    def solved(self, equations: "AbstractEquations") -> HostRoot | None:
+    def solved(self, equations: "AbstractEquations") -> Zero | None:
         """Return the zero near the guess and what was told there; None if there is none."""
 
     @abstractmethod
