@@ -199,13 +199,9 @@ def corrected(
     across: Float[np.ndarray, " n"],
 ) -> Point | None:
     """Return the point of the branch straight across a direction; None if there is none."""
-    equations = Bordered(
-        problem=problem,
-        guess=jnp.asarray(guess),
-        across=jnp.asarray(across),
-        scale=jnp.asarray(scale, float),
-        shape=shape,
-    )
+    # In NumPy: what shooting does with them between its programs needs no program more.
+    unit = np.asarray(scale, float)
+    equations = Bordered(problem=problem, guess=guess, across=across, scale=unit, shape=shape)
     root = problem.solved(equations)
     if root is None:
         return None

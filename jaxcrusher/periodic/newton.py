@@ -88,10 +88,10 @@ def advanced(
 ) -> Iterate:
     """Return the next iterate from the residual and the Jacobian at the point of this one.
 
-    Converged when a whole step has been taken and a further one, with the last Jacobian, is at most
-    `tolerance` in every entry; or when that of the new Jacobian is, or the residual is at most
-    `noise`. That step is then taken. The method fails where a step would be shorter than the share
-    `least` of Newton's.
+    Converged when the next step is at most `tolerance` in every entry, or the residual at most
+    `noise`; that step is then taken. After a whole step the last Jacobian tells the next one, and
+    this one is not factorised. The method fails where less than the share `least` of a step would
+    have to be taken.
     """
     root, begins = now.root, now.root.steps == 0
     following, length = lu_solve(root.factors, -left), _size(now.step)
@@ -134,9 +134,10 @@ def newton(
     Where no step is allowed the guess is looked at. The equations stand in one place of the
     program, so that they are compiled once. Pure JAX; not to be differentiated through.
     """
+    limits = tolerance, jnp.asarray(max_steps, int)
 
     def advance(now: Iterate) -> Iterate:
-        return advanced(now, *linearised(now.root.point), tolerance, max_steps)
+        return advanced(now, *linearised(now.root.point), *limits)
 
     return jax.lax.while_loop(lambda now: ~now.done, advance, begun(guess)).root
 

@@ -148,8 +148,8 @@ def linearised_by_both(
 ) -> tuple[Array, Array, Any]:
     """Return a problem's residual, its Jacobian by u and p / scale, and what else it told."""
     at = problem.linearised(both[:-1].reshape(shape), scale * both[-1])
-    column = scale * jnp.reshape(at.by_parameter, (-1, 1))
-    return jnp.ravel(at.residual), jnp.concatenate([at.by_unknowns, column], axis=1), at.seen
+    column = scale * at.by_parameter.reshape(-1, 1)
+    return at.residual.ravel(), jnp.concatenate([at.by_unknowns, column], axis=1), at.seen
 
 
 class Bordered(AbstractEquations):

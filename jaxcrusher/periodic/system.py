@@ -20,9 +20,6 @@ from jaxcrusher.periodic.trigonometric import differentiation, nodes, resample
 # time, x, x', args -> x''; x of shape (dims,)
 Acceleration = Callable[[Scalar, Array, Array, PyTree], Array]
 
-# From values at the nodes to the first two derivatives by t there.
-Matrices = tuple[Float[Array, "nodes nodes"], Float[Array, "nodes nodes"]]
-
 
 class System(Printed):
     """x'' = acceleration(t, x, x', args) - damping x', with everything of `period` in t."""
@@ -81,7 +78,7 @@ class System(Printed):
         rate = 2 * np.pi / self.period * resample(x, points, shift, 1)
         return self.period * (np.arange(points) + shift) / points, resample(x, points, shift), rate
 
-    def matrices(self, count: int) -> Matrices:
+    def matrices(self, count: int) -> tuple[Array, Array]:
         """Return those from values at the nodes to the first two derivatives by t there."""
         pace = 2 * np.pi / self.period
         first, second = differentiation(count)
@@ -101,9 +98,9 @@ class System(Printed):
 def jacobian(
     by_x: Float[Array, "nodes dims dims"],
     by_rate: Float[Array, "nodes dims dims"],
-    matrices: Matrices,
+    matrices: tuple[Array, Array],
 ) -> Float[Array, "nodes dims nodes dims"]:
-    """Return the Jacobian of a residual from df/dx and df/dx' at the nodes."""
+    """Return the Jacobian of a residual from df/dx and df/dx' at the nodes and the system's matrices."""
     first, second = matrices
     eye_nodes, eye = jnp.eye(len(by_x)), jnp.eye(by_x.shape[1])
     return (

@@ -17,9 +17,7 @@ def nodes(count: int) -> Float[np.ndarray, " count"]:
     return np.arange(count) / count
 
 
-def differentiation(
-    count: int,
-) -> tuple[Float[np.ndarray, "count count"], Float[np.ndarray, "count count"]]:
+def differentiation(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the matrices from values at the nodes to the first two derivatives there (chapter 3).
 
     Raises ValueError for an odd number of nodes, of which they are others.
