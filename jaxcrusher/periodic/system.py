@@ -100,7 +100,7 @@ def jacobian(
     by_rate: Float[Array, "nodes dims dims"],
     matrices: tuple[Array, Array],
 ) -> Float[Array, "nodes dims nodes dims"]:
-    """Return the Jacobian of a residual from df/dx and df/dx' at the nodes and the system's matrices."""
+    """Return the Jacobian of a system's residual from df/dx and df/dx' at its nodes."""
     first, second = matrices
     eye_nodes, eye = jnp.eye(len(by_x)), jnp.eye(by_x.shape[1])
     return (
