@@ -38,12 +38,16 @@ Factors = tuple[Float[Array, "n n"], Int[Array, " n"]]
 
 
 class Root(Printed):
-    """Where Newton's method ended, and the LU factors of the Jacobian one step before."""
+    """Where Newton's method is or has ended, and the LU factors of the Jacobian one step before."""
 
-    point: Float[Array, " n"]
-    factors: Factors
+    point: Float[Array, " n"]  # to be looked at next unless done: a share of a step from `start`
+    start: Float[Array, " n"]
+    step: Float[Array, " n"]  # Newton's
+    share: Scalar
+    factors: Factors  # at `start`
     jacobian: Float[Array, "n n"]  # where the equations were seen last, before the last step
     steps: Int[Array, ""]  # factorisations
+    done: Bool[Array, ""]
     result: RESULTS
 
     @property
@@ -57,35 +61,25 @@ class Root(Printed):
         return words(RESULTS, self.result)
 
 
-class Iterate(eqx.Module):
-    """Where Newton's method is: `root.point` is to be looked at next, from `start`."""
-
-    root: Root  # its factors are those at `start`
-    start: Float[Array, " n"]
-    step: Float[Array, " n"]  # Newton's, from `start`
-    share: Scalar  # of it, to `root.point`
-    done: Bool[Array, ""]
-
-
 @jax.jit
-def begun(guess: Float[Array, " n"]) -> Iterate:
+def begun(guess: Float[Array, " n"]) -> Root:
     """Return the method before it has looked at its guess."""
-    n = guess.size
-    factors = jnp.eye(n), jnp.arange(n, dtype=jnp.int32)
-    root = Root(guess, factors, jnp.eye(n), jnp.zeros((), int), RESULTS.too_many_steps)
-    return Iterate(root, guess, jnp.zeros_like(guess), jnp.ones(()), jnp.array(False))
+    eye, none, whole = jnp.eye(guess.size), jnp.zeros_like(guess), jnp.ones(())
+    factors = eye, jnp.arange(guess.size, dtype=jnp.int32)
+    count, done, why = jnp.zeros((), int), jnp.array(False), RESULTS.too_many_steps
+    return Root(guess, guess, none, whole, factors, eye, count, done, why)
 
 
 @jax.jit
 def advanced(
-    now: Iterate,
+    now: Root,
     left: Float[Array, " n"],
     matrix: Float[Array, "n n"],
     tolerance: float | Scalar,
     max_steps: int | Int[Array, ""],
     noise: float | Scalar = 0.0,
     least: float | Scalar = LEAST_SHARE,
-) -> Iterate:
+) -> Root:
     """Return the next iterate from the residual and the Jacobian at the point of this one.
 
     Converged when the next step is at most `tolerance` in every entry, or the residual at most
@@ -93,34 +87,34 @@ def advanced(
     this one is not factorised. The method fails where less than the share `least` of a step would
     have to be taken.
     """
-    root, begins = now.root, now.root.steps == 0
-    following, length = lu_solve(root.factors, -left), _size(now.step)
+    begins = now.steps == 0
+    following, length = lu_solve(now.factors, -left), _size(now.step)
     shorter, retry = _tested(now.step, length, following, now.share)
     # What is left of a step may be the noise of an integration, which shrinks no more.
     small, quiet = _largest(following) <= tolerance, _largest(left) <= noise
     converged = ~begins & (now.share == 1) & small
     accepted = (begins | shorter | small | quiet) & ~converged
-    exhausted = accepted & (root.steps >= max_steps)
+    exhausted = accepted & (now.steps >= max_steps)
     goes_on = accepted & ~exhausted
-    factors = jax.lax.cond(goes_on, lambda: lu_factor(matrix), lambda: root.factors)
+    factors = jax.lax.cond(goes_on, lambda: lu_factor(matrix), lambda: now.factors)
     own = lu_solve(factors, -left)
     arrived = goes_on & (quiet | (_largest(own) <= tolerance))
     foreseen = _foreseen(following, now.share * length, own, least)
     share = jnp.where(goes_on, jnp.where(begins | arrived, 1.0, foreseen), retry)
     step, start = (
-        jnp.where(goes_on, new, old) for new, old in ((own, now.step), (root.point, now.start))
+        jnp.where(goes_on, new, old) for new, old in ((own, now.step), (now.point, now.start))
     )
     lost = ~(converged | exhausted) & ~(jnp.isfinite(_size(step)) & (share >= least))
     point = jnp.where(lost, start, start + share * step)
-    point = jnp.where(exhausted, root.point, point)
-    point = jnp.where(converged, root.point + following, point)
+    point = jnp.where(exhausted, now.point, point)
+    point = jnp.where(converged, now.point + following, point)
     result = RESULTS.where(converged | arrived, RESULTS.successful, RESULTS.too_many_steps)
     result = RESULTS.where(lost, RESULTS.no_descent, result)
     able = ~begins | jnp.all(jnp.isfinite(left))
     result = RESULTS.where(able, result, RESULTS.not_finite)
-    steps = root.steps + goes_on.astype(int)
+    steps = now.steps + goes_on.astype(int)
     done = converged | arrived | exhausted | lost
-    return Iterate(Root(point, factors, matrix, steps, result), start, step, share, done)
+    return Root(point, start, step, share, factors, matrix, steps, done, result)
 
 
 def newton(
@@ -136,10 +130,10 @@ def newton(
     """
     limits = tolerance, jnp.asarray(max_steps, int)
 
-    def advance(now: Iterate) -> Iterate:
-        return advanced(now, *linearised(now.root.point), *limits)
+    def advance(now: Root) -> Root:
+        return advanced(now, *linearised(now.point), *limits)
 
-    return jax.lax.while_loop(lambda now: ~now.done, advance, begun(guess)).root
+    return jax.lax.while_loop(lambda now: ~now.done, advance, begun(guess))
 
 
 def _foreseen(expected: Array, moved: Scalar, step: Array, least: float | Scalar) -> Scalar:

@@ -147,10 +147,10 @@ class ShootingProblem(AbstractPeriodicProblem):
         """Return the zero near the guess, None if there is none."""
         now, limits = begun(equations.guess), (CLOSURE, MOST_CORRECTIONS, NOISE, LEAST_SHARE)
         for _ in range(MOST_CORRECTIONS):
-            left, jacobian, seen = equations.linearised(np.asarray(now.root.point))
+            left, jacobian, seen = equations.linearised(np.asarray(now.point))
             now = advanced(now, left, jacobian, *limits)
             if bool(now.done):
-                return zero_of(now.root, seen)
+                return zero_of(now, seen)
         return None
 
     def monodromy(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, "dims dims"]:

@@ -83,8 +83,8 @@ def test_a_guess_that_is_a_zero_is_looked_at_once():
     now = advanced(
         begun(jnp.array([1.0, 2.0 + 1e-9])), *both(bent)(jnp.array([1.0, 2.0 + 1e-9])), 1e-7, 60
     )
-    assert now.done and now.root.success and now.root.steps == 1
-    np.testing.assert_allclose(now.root.point, [1.0, 2.0], atol=1e-15)
+    assert now.done and now.success and now.steps == 1
+    np.testing.assert_allclose(now.point, [1.0, 2.0], atol=1e-15)
 
 
 @pytest.mark.usefixtures("unchecked")
@@ -105,5 +105,5 @@ def test_noise_of_the_residual_ends_it():
     # Told of no noise, it looks on until its steps are used up or seem to lead nowhere.
     now = begun(jnp.zeros(2))
     while not now.done:
-        now = advanced(now, *noisy(now.root.point), 1e-7, 20, 0.0, LEAST_SHARE)
-    assert not now.root.success
+        now = advanced(now, *noisy(now.point), 1e-7, 20, 0.0, LEAST_SHARE)
+    assert not now.success
