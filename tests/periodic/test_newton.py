@@ -78,13 +78,42 @@ def test_it_gives_up():
         assert found is None and len(looks) <= MOST_CORRECTIONS
 
 
+@pytest.mark.usefixtures("unchecked")
+def test_a_problem_tries_no_step_below_a_tenth():
+    """From 3 off the zero of arctan 10 x a step leads 138 far, of which a fiftieth helps."""
+    steep = lambda x: jnp.arctan(10 * x)  # noqa: E731
+    assert by_jax(steep, [3.0, 3.0]).success
+    found, looks = by_problem(both(steep), [3.0, 3.0])
+    assert found is None
+    # The whole step, and at most three halves of it.
+    assert len(looks) <= 1 + 1 + 3
+
+
+def test_the_last_step_is_taken():
+    """From 0.1 off, Newton's step leaves 1e-3, and a further one with its Jacobian 2e-2 of that."""
+    found = by_jax(bent, [1.1, 2.1], tolerance=2e-3)
+    assert found.success and found.steps == 1
+    np.testing.assert_allclose(found.point, [1.0, 2.0], atol=4e-5)
+
+
 def test_a_guess_that_is_a_zero_is_looked_at_once():
-    """Its own step is at most the tolerance; without that a second look confirms it."""
-    now = advanced(
-        begun(jnp.array([1.0, 2.0 + 1e-9])), *both(bent)(jnp.array([1.0, 2.0 + 1e-9])), 1e-7, 60
-    )
+    """Its own step is at most the tolerance, and no second look is needed."""
+    guess = jnp.array([1.0, 2.0 + 1e-9])
+    now = advanced(begun(guess), *both(bent)(guess), 1e-7, 60)
     assert now.done and now.success and now.steps == 1
+    # A step squares what is left.
     np.testing.assert_allclose(now.point, [1.0, 2.0], atol=1e-15)
+
+
+def test_a_quiet_residual_ends_it_with_a_whole_step():
+    """Where neither the step has become shorter nor its Jacobian told the next one."""
+    slopes, looks = 1e-4 * np.eye(2), ((1.1e-9, 1.0), (0.95e-9, 0.1))
+    now = begun(jnp.zeros(2))
+    for left, share in looks:
+        assert not now.done
+        now = advanced(now, np.full(2, left), share * slopes, 1e-7, 20, 1e-9, LEAST_SHARE)
+    assert now.done and now.success
+    np.testing.assert_allclose(now.point, -1.1e-5 - 9.5e-5, rtol=1e-12)  # rounding
 
 
 @pytest.mark.usefixtures("unchecked")
