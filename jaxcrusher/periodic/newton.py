@@ -90,10 +90,10 @@ def advanced(
     begins = now.steps == 0
     following, length = lu_solve(now.factors, -left), _size(now.step)
     shorter, retry = _tested(now.step, length, following, now.share)
+    converged = ~begins & (now.share == 1) & (_largest(following) <= tolerance)
     # What is left of a step may be the noise of an integration, which shrinks no more.
-    small, quiet = _largest(following) <= tolerance, _largest(left) <= noise
-    converged = ~begins & (now.share == 1) & small
-    accepted = (begins | shorter | small | quiet) & ~converged
+    quiet = _largest(left) <= noise
+    accepted = (begins | shorter | quiet) & ~converged
     exhausted = accepted & (now.steps >= max_steps)
     goes_on = accepted & ~exhausted
     factors = jax.lax.cond(goes_on, lambda: lu_factor(matrix), lambda: now.factors)
