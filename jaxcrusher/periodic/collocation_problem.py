@@ -147,7 +147,7 @@ class CollocationProblem(AbstractPeriodicProblem):
 @eqx.filter_jit
 def _solved(equations: AbstractEquations) -> Root:
     linearised = lambda unknowns: equations.linearised(unknowns)[:2]  # noqa: E731
-    return newton(linearised, equations.guess, TOLERANCE, MOST_CORRECTIONS)
+    return newton(linearised, jnp.asarray(equations.guess), TOLERANCE, MOST_CORRECTIONS)
 
 
 @eqx.filter_jit

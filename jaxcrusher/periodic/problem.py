@@ -136,7 +136,7 @@ class AbstractPeriodicProblem(eqx.Module):
 class AbstractEquations(eqx.Module):
     """The equations of a problem with others beside them, for as many unknowns."""
 
-    guess: eqx.AbstractVar[Array]
+    guess: eqx.AbstractVar[Array | np.ndarray]
 
     @abstractmethod
     def linearised(self, unknowns: Any) -> tuple[Array, Array, Any]:
@@ -144,21 +144,21 @@ class AbstractEquations(eqx.Module):
 
 
 def linearised_by_both(
-    problem: AbstractPeriodicProblem, both: Any, scale: Array, shape: tuple[int, ...]
+    problem: AbstractPeriodicProblem, both: Any, scale: Array | np.ndarray, shape: tuple[int, ...]
 ) -> tuple[Array, Array, Any]:
     """Return a problem's residual, its Jacobian by u and p / scale, and what else it told."""
     at = problem.linearised(both[:-1].reshape(shape), scale * both[-1])
     column = scale * at.by_parameter.reshape(-1, 1)
-    return at.residual.ravel(), jnp.concatenate([at.by_unknowns, column], axis=1), at.seen
+    return jnp.ravel(at.residual), jnp.concatenate([at.by_unknowns, column], axis=1), at.seen
 
 
 class Bordered(AbstractEquations):
     """The equations of a problem, and a plane across a branch: unknowns are u and p / scale."""
 
     problem: AbstractPeriodicProblem
-    guess: Float[Array, " n"]  # in the plane
-    across: Float[Array, " n"]  # its normal
-    scale: Array
+    guess: Array | np.ndarray  # in the plane
+    across: Array | np.ndarray  # its normal
+    scale: Array | np.ndarray
     shape: tuple[int, ...] = eqx.field(static=True)
 
     def linearised(self, both: Any) -> tuple[Array, Array, Any]:

@@ -145,7 +145,8 @@ class ShootingProblem(AbstractPeriodicProblem):
 
     def solved(self, equations: AbstractEquations) -> Zero | None:
         """Return the zero near the guess, None if there is none."""
-        now, limits = begun(equations.guess), (CLOSURE, MOST_CORRECTIONS, NOISE, LEAST_SHARE)
+        limits = CLOSURE, MOST_CORRECTIONS, NOISE, LEAST_SHARE
+        now = begun(jnp.asarray(equations.guess))
         for _ in range(MOST_CORRECTIONS):
             left, jacobian, seen = equations.linearised(np.asarray(now.point))
             now = advanced(now, left, jacobian, *limits)
