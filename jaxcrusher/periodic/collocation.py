@@ -18,6 +18,7 @@ from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.loops import on_a_gpu
 from jaxcrusher.periodic.newton import Factors, Root, newton
 from jaxcrusher.periodic.system import System, jacobian
+from jaxcrusher.periodic.trigonometric import resample
 
 # Of the last step, in the unit of x: rounding leaves some 1e-13 of the differentiation matrix.
 TOLERANCE, MAX_STEPS = 1e-10, 40
@@ -80,7 +81,7 @@ def _attached_jvp(primals, tangents):
     # Of the differentiated equations, at the orbit itself.
     times, rate, _ = system.motion(x)
     (by_x, by_rate), _ = system.slopes(times, x, rate)
-    first, second = matrices = system.matrices(len(x))
+    first, second = system.matrices(len(x))
 
     def moved(change: Array) -> Array:
         bent = jnp.einsum("iab,ib->ia", by_x, change)
@@ -88,7 +89,7 @@ def _attached_jvp(primals, tangents):
 
     def solve(apply: Callable, right: Array, transposed: int) -> Array:
         if isinstance(factors, Unfactored):
-            known = factors.needed, by_x, by_rate, matrices
+            known = factors.needed, 2 * jnp.pi / system.period, by_x, by_rate
             return _directly(transposed)(known, right[None])[0]
 
         # The factors belong to a point a small step away: each pass squares what that leaves.
@@ -119,11 +120,14 @@ def _directly(transposed: int) -> Callable:
 
     @custom_vmap
     def solve(known: tuple, rights: Array) -> Array:
-        needed, *parts = known
+        needed, pace, by_x, by_rate = known
 
         def solved() -> Array:
-            size = rights[0].size
-            factors = lu_factor(jacobian(*parts).reshape(size, size))
+            size, eye = rights[0].size, jnp.eye(len(by_x))
+            # As constants of this program the matrices would be copied for every design.
+            first, second = (pace**k * resample(eye, len(eye), order=k) for k in (1, 2))
+            matrix = jacobian(by_x, by_rate, (first, second))
+            factors = lu_factor(matrix.reshape(size, size))
             flat = lu_solve(factors, rights.reshape(len(rights), size).T, trans=transposed)
             return flat.T.reshape(rights.shape)
 
