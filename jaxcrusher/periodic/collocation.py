@@ -18,7 +18,6 @@ from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.loops import on_a_gpu
 from jaxcrusher.periodic.newton import Factors, Root, newton
 from jaxcrusher.periodic.system import System, jacobian
-from jaxcrusher.periodic.trigonometric import resample
 
 # Of the last step, in the unit of x: rounding leaves some 1e-13 of the differentiation matrix.
 TOLERANCE, MAX_STEPS = 1e-10, 40
@@ -89,7 +88,8 @@ def _attached_jvp(primals, tangents):
 
     def solve(apply: Callable, right: Array, transposed: int) -> Array:
         if isinstance(factors, Unfactored):
-            known = factors.needed, 2 * jnp.pi / system.period, by_x, by_rate
+            columns = jnp.stack([first[:, len(x) // 2], second[:, len(x) // 2]])
+            known = factors.needed, by_x, by_rate, columns
             return _directly(transposed)(known, right[None])[0]
 
         # The factors belong to a point a small step away: each pass squares what that leaves.
@@ -120,12 +120,13 @@ def _directly(transposed: int) -> Callable:
 
     @custom_vmap
     def solve(known: tuple, rights: Array) -> Array:
-        needed, pace, by_x, by_rate = known
+        needed, by_x, by_rate, columns = known
 
         def solved() -> Array:
-            size, eye = rights[0].size, jnp.eye(len(by_x))
-            # As constants of this program the matrices would be copied for every design.
-            first, second = (pace**k * resample(eye, len(eye), order=k) for k in (1, 2))
+            size, count, place = rights[0].size, len(by_x), jnp.arange(len(by_x))
+            # Whole matrices, which are circulant, would be copied for every design. Their middle
+            # columns hold their largest numbers without loss of digits.
+            first, second = columns[:, (place[:, None] - place + count // 2) % count]
             matrix = jacobian(by_x, by_rate, (first, second))
             factors = lu_factor(matrix.reshape(size, size))
             flat = lu_solve(factors, rights.reshape(len(rights), size).T, trans=transposed)
