@@ -14,8 +14,7 @@ import numpy as np
 from jaxtyping import ArrayLike, Complex, Float
 from scipy.optimize import linear_sum_assignment
 
-from jaxcrusher.periodic.newton import HostRoot, linear_solution
-from jaxcrusher.periodic.problem import AbstractPeriodicProblem, Bordered, Stride
+from jaxcrusher.periodic.problem import AbstractPeriodicProblem, Bordered, Stride, Zero
 
 # After so many of Newton's steps a step along the branch may grow.
 EASY = 4
@@ -200,20 +199,19 @@ def corrected(
     across: Float[np.ndarray, " n"],
 ) -> Point | None:
     """Return the point of the branch straight across a direction; None if there is none."""
-    equations = Bordered(
-        problem=problem,
-        guess=jnp.asarray(guess),
-        across=jnp.asarray(across),
-        scale=jnp.asarray(scale, float),
-        shape=shape,
-    )
+    # In NumPy: what shooting does with them between its programs needs no program more.
+    unit = np.asarray(scale, float)
+    equations = Bordered(problem=problem, guess=guess, across=across, scale=unit, shape=shape)
     root = problem.solved(equations)
     if root is None:
         return None
-    u, value = root.point[:-1].reshape(shape), float(root.point[-1])
+    u, value = root.unknowns[:-1].reshape(shape), float(root.unknowns[-1])
     missed = problem.left_out(jnp.asarray(u), jnp.asarray(scale * value))
     right = np.stack([np.eye(guess.size)[-1], -np.append(np.ravel(missed), 0.0)], axis=1)
-    onward, off = linear_solution(root.jacobian, right).T
+    try:
+        onward, off = np.linalg.solve(root.jacobian, right).T
+    except np.linalg.LinAlgError:
+        return None
     if not np.isfinite(onward).all():
         return None
     return point_of(problem, shape, scale, root, onward, off)
@@ -223,7 +221,7 @@ def point_of(
     problem: AbstractPeriodicProblem,
     shape: tuple[int, ...],
     scale: float,
-    root: HostRoot,
+    root: Zero,
     onward: Float[np.ndarray, " n"],
     off: Float[np.ndarray, " n"],
 ) -> Point | None:
@@ -232,7 +230,7 @@ def point_of(
     None if its multipliers are not known.
     """
     onward = onward / np.sqrt(inner(problem, onward, onward))
-    u, value = root.point[:-1].reshape(shape), float(root.point[-1])
+    u, value = root.unknowns[:-1].reshape(shape), float(root.unknowns[-1])
     orbit = jnp.asarray(u), jnp.asarray(scale * value), root.seen
     watched = problem.monitors(*orbit) if problem.watched else np.zeros(0)
     matrix, turns = problem.monodromy(*orbit), problem.turns(u, root.seen)

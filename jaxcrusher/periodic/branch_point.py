@@ -92,16 +92,16 @@ def branch_point(
     )
     root = problem.solved(equations)
     # With an unfolding the orbit is none of the problem.
-    if root is None or abs(root.point[-1]) > problem.stride.located:
+    if root is None or abs(root.unknowns[-1]) > problem.stride.located:
         return None
-    away = root.point[:-1] - guess
+    away = root.unknowns[:-1] - guess
     ways = _ways(root.jacobian, kernel)
     if ways is None or not inner(problem, away, away) < furthest**2:
         return None
     towards = [inner(problem, way, along) / np.sqrt(inner(problem, way, way)) for way in ways]
     nearest = int(np.argmax(np.abs(towards)))
     onward, other = np.sign(towards[nearest]) * ways[nearest], ways[1 - nearest]
-    root = root._replace(point=root.point[:-1])
+    root = root._replace(unknowns=root.unknowns[:-1])
     point = point_of(problem, shape, scale, root, onward, np.full(guess.size, np.nan))
     # Along it the parameter grows, where it does not turn back.
     return None if point is None else replace(point, crossing=np.copysign(1, other[-1]) * other)

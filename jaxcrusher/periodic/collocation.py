@@ -17,7 +17,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.loops import on_a_gpu
 from jaxcrusher.periodic.newton import Factors, Root, newton
-from jaxcrusher.periodic.system import System
+from jaxcrusher.periodic.system import System, jacobian
 
 # Of the last step, in the unit of x: rounding leaves some 1e-13 of the differentiation matrix.
 TOLERANCE, MAX_STEPS = 1e-10, 40
@@ -88,7 +88,8 @@ def _attached_jvp(primals, tangents):
 
     def solve(apply: Callable, right: Array, transposed: int) -> Array:
         if isinstance(factors, Unfactored):
-            known = factors.needed, system, by_x, by_rate
+            columns = jnp.stack([first[:, len(x) // 2], second[:, len(x) // 2]])
+            known = factors.needed, by_x, by_rate, columns
             return _directly(transposed)(known, right[None])[0]
 
         # The factors belong to a point a small step away: each pass squares what that leaves.
@@ -119,12 +120,15 @@ def _directly(transposed: int) -> Callable:
 
     @custom_vmap
     def solve(known: tuple, rights: Array) -> Array:
-        needed, system, by_x, by_rate = known
+        needed, by_x, by_rate, columns = known
 
         def solved() -> Array:
-            size = by_x.shape[0] * by_x.shape[1]
-            # Constants of this program would be copied for every design.
-            factors = lu_factor(system.jacobian(by_x, by_rate, jnp).reshape(size, size))
+            size, count, place = rights[0].size, len(by_x), jnp.arange(len(by_x))
+            # Whole matrices, which are circulant, would be copied for every design. Their middle
+            # columns hold their largest numbers without loss of digits.
+            first, second = columns[:, (place[:, None] - place + count // 2) % count]
+            matrix = jacobian(by_x, by_rate, (first, second))
+            factors = lu_factor(matrix.reshape(size, size))
             flat = lu_solve(factors, rights.reshape(len(rights), size).T, trans=transposed)
             return flat.T.reshape(rights.shape)
 

@@ -20,7 +20,7 @@ from jaxcrusher.periodic.multipliers import (
     monodromy,
     multipliers,
 )
-from jaxcrusher.periodic.newton import HostRoot, newton
+from jaxcrusher.periodic.newton import Root, newton
 from jaxcrusher.periodic.problem import (
     MOST_CORRECTIONS,
     AbstractEquations,
@@ -30,6 +30,8 @@ from jaxcrusher.periodic.problem import (
     Parameters,
     Stride,
     Vanishing,
+    Zero,
+    zero_of,
 )
 from jaxcrusher.periodic.system import System
 from jaxcrusher.periodic.trigonometric import resample
@@ -95,12 +97,9 @@ class CollocationProblem(AbstractPeriodicProblem):
         value, by_nodes = jax.value_and_grad(lambda u: self.watch(u)[which])(u)
         return Vanishing(value, (by_nodes, jnp.zeros_like(p)))
 
-    def solved(self, equations: AbstractEquations) -> HostRoot | None:
+    def solved(self, equations: AbstractEquations) -> Zero | None:
         """Return the zero near the guess, found by one program; None if there is none."""
-        point, jacobian, steps, success = _solved(equations)
-        if not bool(success):
-            return None
-        return HostRoot(np.asarray(point), np.asarray(jacobian), None, int(steps))
+        return zero_of(_solved(equations))
 
     def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
         """Return the matrix that the variational equations give, in as many steps as it needs."""
@@ -146,14 +145,9 @@ class CollocationProblem(AbstractPeriodicProblem):
 
 
 @eqx.filter_jit
-def _solved(equations: AbstractEquations):
-    root = newton(
-        lambda unknowns: equations.linearised(unknowns)[:2],
-        equations.guess,
-        TOLERANCE,
-        MOST_CORRECTIONS,
-    )
-    return root.point, root.jacobian, root.steps, root.success
+def _solved(equations: AbstractEquations) -> Root:
+    linearised = lambda unknowns: equations.linearised(unknowns)[:2]  # noqa: E731
+    return newton(linearised, jnp.asarray(equations.guess), TOLERANCE, MOST_CORRECTIONS)
 
 
 @eqx.filter_jit

@@ -16,7 +16,6 @@ from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.periodic.branch import Branch, Point
 from jaxcrusher.periodic.events import CROSSING, FOLD, PAIR, ZERO_OF, Special, zeros
-from jaxcrusher.periodic.newton import HostRoot
 from jaxcrusher.periodic.problem import (
     AbstractEquations,
     AbstractPeriodicProblem,
@@ -24,6 +23,7 @@ from jaxcrusher.periodic.problem import (
     OfMatrix,
     Stride,
     Vanishing,
+    Zero,
 )
 
 CUSP = "cusp"
@@ -89,7 +89,7 @@ class EventCurve(AbstractPeriodicProblem):
         of = ZERO_OF[CROSSING if self.kind == FOLD else self.kind]
         return self.base.vanishing(of, x, both, seen)
 
-    def solved(self, equations: AbstractEquations) -> HostRoot | None:
+    def solved(self, equations: AbstractEquations) -> Zero | None:
         """Return the zero near the guess, None if there is none."""
         return self.base.solved(equations)
 

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
 
-from jaxcrusher.periodic.newton import HostRoot
+from jaxcrusher.periodic.newton import Root
 
 # Newton's steps of a correction: more, and the step along the branch was too long.
 MOST_CORRECTIONS = 8
@@ -40,6 +40,22 @@ class Vanishing(NamedTuple):
 
     value: Any
     slopes: tuple[Any, Any]
+
+
+class Zero(NamedTuple):
+    """A zero of equations, their Jacobian one step before, and what else they told there."""
+
+    unknowns: np.ndarray
+    jacobian: np.ndarray
+    seen: Any
+    steps: int  # of Newton's method
+
+
+def zero_of(root: Root, seen: Any = None) -> Zero | None:
+    """Return the zero at which Newton's method ended; None if it has failed."""
+    if not bool(root.success):
+        return None
+    return Zero(np.asarray(root.point), np.asarray(root.jacobian), seen, int(root.steps))
 
 
 class Stride(NamedTuple):
@@ -73,7 +89,7 @@ class AbstractPeriodicProblem(eqx.Module):
         """Return the defect at a zero: the exact equations' residual, in the shape of this one."""
 
     @abstractmethod
-    def solved(self, equations: "AbstractEquations") -> HostRoot | None:
+    def solved(self, equations: "AbstractEquations") -> Zero | None:
         """Return the zero near the guess and what was told there; None if there is none."""
 
     @abstractmethod
@@ -120,7 +136,7 @@ class AbstractPeriodicProblem(eqx.Module):
 class AbstractEquations(eqx.Module):
     """The equations of a problem with others beside them, for as many unknowns."""
 
-    guess: eqx.AbstractVar[Array]
+    guess: eqx.AbstractVar[Array | np.ndarray]
 
     @abstractmethod
     def linearised(self, unknowns: Any) -> tuple[Array, Array, Any]:
@@ -128,11 +144,11 @@ class AbstractEquations(eqx.Module):
 
 
 def linearised_by_both(
-    problem: AbstractPeriodicProblem, both: Any, scale: Array, shape: tuple[int, ...]
+    problem: AbstractPeriodicProblem, both: Any, scale: Array | np.ndarray, shape: tuple[int, ...]
 ) -> tuple[Array, Array, Any]:
     """Return a problem's residual, its Jacobian by u and p / scale, and what else it told."""
     at = problem.linearised(both[:-1].reshape(shape), scale * both[-1])
-    column = scale * jnp.reshape(at.by_parameter, (-1, 1))
+    column = scale * at.by_parameter.reshape(-1, 1)
     return jnp.ravel(at.residual), jnp.concatenate([at.by_unknowns, column], axis=1), at.seen
 
 
@@ -140,9 +156,9 @@ class Bordered(AbstractEquations):
     """The equations of a problem, and a plane across a branch: unknowns are u and p / scale."""
 
     problem: AbstractPeriodicProblem
-    guess: Float[Array, " n"]  # in the plane
-    across: Float[Array, " n"]  # its normal
-    scale: Array
+    guess: Array | np.ndarray  # in the plane
+    across: Array | np.ndarray  # its normal
+    scale: Array | np.ndarray
     shape: tuple[int, ...] = eqx.field(static=True)
 
     def linearised(self, both: Any) -> tuple[Array, Array, Any]:

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Scalar
 
-from jaxcrusher.periodic.newton import HostRoot, newton_on_host
+from jaxcrusher.periodic.newton import advanced, begun
 from jaxcrusher.periodic.problem import (
     MOST_CORRECTIONS,
     AbstractEquations,
@@ -21,6 +21,8 @@ from jaxcrusher.periodic.problem import (
     OfMatrix,
     Stride,
     Vanishing,
+    Zero,
+    zero_of,
 )
 
 # States so near, in their own units, are one. Turns of a crusher differ by thousandths where a
@@ -28,6 +30,8 @@ from jaxcrusher.periodic.problem import (
 ALIKE = 1e-4
 # Newton's last step, in these units.
 CLOSURE = 1e-7
+# Newton's shortest step as a share of the whole one: each look at the equations may take seconds.
+LEAST_SHARE = 0.1
 # Steps of differences, as a share of what a function depends on.
 DIFFERENCE = 1e-6
 # The tolerance along a branch, and what two integrations that start all but alike differ by. Where
@@ -139,16 +143,16 @@ class ShootingProblem(AbstractPeriodicProblem):
         """Return zeros: the integrator's tolerance is far below a step along a branch."""
         return np.zeros(np.shape(u))
 
-    def solved(self, equations: AbstractEquations) -> HostRoot | None:
+    def solved(self, equations: AbstractEquations) -> Zero | None:
         """Return the zero near the guess, None if there is none."""
-
-        def evaluated(both: np.ndarray) -> tuple[np.ndarray, np.ndarray, Turns]:
-            left, jacobian, seen = equations.linearised(both)
-            return np.asarray(left), np.asarray(jacobian), seen
-
-        return newton_on_host(
-            evaluated, np.asarray(equations.guess), CLOSURE, MOST_CORRECTIONS, NOISE
-        )
+        limits = CLOSURE, MOST_CORRECTIONS, NOISE, LEAST_SHARE
+        now = begun(jnp.asarray(equations.guess))
+        for _ in range(MOST_CORRECTIONS):
+            left, jacobian, seen = equations.linearised(np.asarray(now.point))
+            now = advanced(now, left, jacobian, *limits)
+            if bool(now.done):
+                return zero_of(now, seen)
+        return None
 
     def monodromy(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, "dims dims"]:
         """Return what a period makes of a shift from the orbit."""

@@ -6,7 +6,6 @@ those of the trigonometric polynomial through them.
 
 import functools
 from collections.abc import Callable
-from types import ModuleType
 
 import equinox as eqx
 import jax
@@ -42,25 +41,7 @@ class System(Printed):
         """Return the residual and its Jacobian: full by differentiation of x, in blocks by f."""
         times, rate, bend = self.motion(x)
         (by_x, by_rate), found = self.slopes(times, x, rate)
-        return found - bend, self.jacobian(by_x, by_rate)
-
-    def jacobian(
-        self,
-        by_x: Float[Array, "nodes dims dims"],
-        by_rate: Float[Array, "nodes dims dims"],
-        xp: ModuleType = np,
-    ) -> Float[Array, "nodes dims nodes dims"]:
-        """Return the Jacobian of the residual from df/dx and df/dx' at the nodes.
-
-        `xp` is as in `differentiation`.
-        """
-        first, second = self.matrices(len(by_x), xp)
-        eye_nodes, eye = xp.eye(len(by_x)), xp.eye(by_x.shape[1])
-        return (
-            jnp.einsum("iab,ij->iajb", by_x, eye_nodes)
-            + jnp.einsum("iab,ij->iajb", by_rate, first)
-            - jnp.einsum("ab,ij->iajb", eye, second)
-        )
+        return found - bend, jacobian(by_x, by_rate, self.matrices(len(x)))
 
     def slopes(
         self, times: Float[Array, " n"], x: Float[Array, "n dims"], rate: Float[Array, "n dims"]
@@ -97,10 +78,10 @@ class System(Printed):
         rate = 2 * np.pi / self.period * resample(x, points, shift, 1)
         return self.period * (np.arange(points) + shift) / points, resample(x, points, shift), rate
 
-    def matrices(self, count: int, xp: ModuleType = np) -> tuple[Array, Array]:
+    def matrices(self, count: int) -> tuple[Array, Array]:
         """Return those from values at the nodes to the first two derivatives by t there."""
         pace = 2 * np.pi / self.period
-        first, second = differentiation(count, xp)
+        first, second = differentiation(count)
         return pace * first, pace**2 * second
 
     def _damped(self, rate: Array) -> Array | float:
@@ -112,6 +93,21 @@ class System(Printed):
         """Return the times of the nodes, and x' and x'' there."""
         first, second = self.matrices(len(x))
         return self.period * nodes(len(x)), first @ x, second @ x
+
+
+def jacobian(
+    by_x: Float[Array, "nodes dims dims"],
+    by_rate: Float[Array, "nodes dims dims"],
+    matrices: tuple[Array, Array],
+) -> Float[Array, "nodes dims nodes dims"]:
+    """Return the Jacobian of a system's residual from df/dx and df/dx' at its nodes."""
+    first, second = matrices
+    eye_nodes, eye = jnp.eye(len(by_x)), jnp.eye(by_x.shape[1])
+    return (
+        jnp.einsum("iab,ij->iajb", by_x, eye_nodes)
+        + jnp.einsum("iab,ij->iajb", by_rate, first)
+        - jnp.einsum("ab,ij->iajb", eye, second)
+    )
 
 
 @functools.partial(jax.jit, static_argnums=0)  # traced once for all that is asked of orbits

@@ -5,9 +5,6 @@ values at the points determine (Trefethen, Spectral Methods in MATLAB, 2000, cha
 are counted in periods, derivatives are by the phase, which is 2 pi a period.
 """
 
-from types import ModuleType
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
@@ -20,20 +17,19 @@ def nodes(count: int) -> Float[np.ndarray, " count"]:
     return np.arange(count) / count
 
 
-def differentiation(count: int, xp: ModuleType = np) -> tuple[Any, Any]:
+def differentiation(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the matrices from values at the nodes to the first two derivatives there (chapter 3).
 
-    They are constants of a program if `xp` is NumPy, and computed by it if that is `jax.numpy`.
     Raises ValueError for an odd number of nodes, of which they are others.
     """
     require(count > 0 and count % 2 == 0, "nodes", "be an even number > 0", count)
-    place = xp.arange(count, dtype=float)
+    place = np.arange(count, dtype=float)
     apart = place[:, None] - place[None]
     same = apart == 0
-    half = xp.where(same, 1.0, np.pi / count * apart)
+    half = np.where(same, 1.0, np.pi / count * apart)
     sign = 1 - 2 * (apart % 2)
-    first = xp.where(same, 0.0, sign / (2 * xp.tan(half)))
-    second = xp.where(same, -(count**2 + 2) / 12, -sign / (2 * xp.sin(half) ** 2))
+    first = np.where(same, 0.0, sign / (2 * np.tan(half)))
+    second = np.where(same, -(count**2 + 2) / 12, -sign / (2 * np.sin(half) ** 2))
     return first, second
 
 

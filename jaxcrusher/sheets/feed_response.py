@@ -20,7 +20,7 @@ from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.result import PeriodicOrbit, require_one
 from jaxcrusher.periodic.multipliers import of_slopes
 from jaxcrusher.periodic.random_forcing import LEAST, Modes, band, mean_variance, modes
-from jaxcrusher.periodic.system import System
+from jaxcrusher.periodic.system import System, jacobian
 from jaxcrusher.periodic.trigonometric import resample
 
 # Nodes a turn: the response follows the feed up to its bandwidth.
@@ -125,9 +125,10 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
     # The mean shifts by what the curvature makes of the variance.
     bent = jnp.einsum("icab,iab->ic", motion.bend, unit) / 2
     size = count * dims
-    matrix = system.jacobian(*about.slopes).reshape(size, size)
+    matrices = system.matrices(count)
+    matrix = jacobian(*about.slopes, matrices).reshape(size, size)
     shift = jnp.linalg.solve(matrix, -bent.ravel()).reshape(count, dims)
-    first = system.matrices(count)[0]
+    first = matrices[0]
     shifts = jnp.concatenate([shift, first @ shift, jnp.zeros((count, 1))], axis=1)
     shifted = jnp.sum(force.slope * shifts, axis=1)
     shifted += jnp.einsum("iab,iab->i", force.bend, unit) / 2

@@ -1,7 +1,6 @@
 """Branches of section points, of maps whose bifurcations are known."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -45,20 +44,6 @@ def followed(problem, state, start, bounds, *, upwards, points, scale=1.0):
     unknowns = problem.along(state, start)
     branch = follow(problem, unknowns, start, scale=scale, bounds=bounds, **more)
     return branch, special_points(branch)
-
-
-@pytest.mark.usefixtures("unchecked")  # equations of no branch
-def test_the_noise_of_integrations_ends_newtons_method():
-    """A residual known to less than 1e-9, with a slope of 1e-4: no step is shorter than 1e-6."""
-    draws = np.random.default_rng(0)
-
-    def linearised(x):
-        return 1e-4 * (x - 2) + 1e-9 * draws.uniform(0.2, 0.9, x.shape), 1e-4 * np.eye(2), None
-
-    noisy = SimpleNamespace(guess=np.zeros(2), linearised=linearised)
-    found = of_function(henon, 1).solved(noisy)
-    assert found is not None
-    np.testing.assert_allclose(found.point, [2.0, 2.0], atol=2 * 1e-9 / 1e-4)
 
 
 def test_slopes_of_the_matrix_of_three_slices():
