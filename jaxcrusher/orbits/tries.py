@@ -30,7 +30,7 @@ from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.forced import can_be_shot, pins, unknowns
 from jaxcrusher.orbits.oscillation import NEAR, oscillation_about
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
-from jaxcrusher.orbits.shot import ORBIT_RTOL, STEPS, closed, described, integrated_multipliers
+from jaxcrusher.orbits.shot import ORBIT_RTOL, closed, described, integrated_multipliers
 from jaxcrusher.orbits.solving import NODES, SETTLED, Nodes, solved, with_statistics
 from jaxcrusher.orbits.transient import (
     LONGEST,
@@ -45,7 +45,8 @@ from jaxcrusher.orbits.transient import (
 )
 from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.multipliers import UNSURE
-from jaxcrusher.periodic.newton import HostRoot, newton_on_host
+from jaxcrusher.periodic.newton import Root, advanced, begun
+from jaxcrusher.periodic.shooting_problem import LEAST_SHARE
 from jaxcrusher.periodic.trigonometric import resample
 
 # Distances in clearances from an unstable orbit, at which the orbit of twice the turns is shot for.
@@ -63,6 +64,8 @@ COUNTS = (NODES, 2 * NODES, MOST_NODES)
 # Differences of turns are over twice this shift of a section point, in clearances and m/s; their
 # tolerance of 1e-8 leaves 1e-4 of a slope. Newton's last step, from where nodes or shooting go on.
 DIFFERENCE, NEAR_ENOUGH = 1e-4, 1e-5
+# Points that it looks at, at most.
+LOOKS = 16
 
 # Tells each try as it begins, for a program that shows how far it is.
 _LOG = logging.getLogger(__name__)
@@ -190,33 +193,32 @@ class OrbitSearch(NamedTuple):
             return Try(orbit, orbit)
         return Try(described(self.scene, found, turns), orbit)
 
-    def approached(self, start: Array, turns: int) -> HostRoot | None:
+    def approached(self, start: Array, turns: int) -> Root | None:
         """Return the section point near `start` that repeats, None if there is none.
 
         By Newton's method, whose slopes are central differences of turns.
         """
         _LOG.info("Newton's method on section points for a period of %d", turns)
-        scene, shifts = resting(self.still), DIFFERENCE * np.eye(start.size)
-        shifts = np.concatenate([np.zeros((1, start.size)), shifts, -shifts])
-
-        def evaluated(point: np.ndarray) -> tuple[np.ndarray, np.ndarray, None]:
-            ends = point + shifts
+        eye, now = np.eye(start.size), begun(start)
+        shifts = DIFFERENCE * np.concatenate([np.zeros((1, start.size)), eye, -eye])
+        for _ in range(LOOKS):
+            ends = point = np.asarray(now.point) + shifts
             for _ in range(turns):
-                ends, steps = self.runs.turn(np.asarray(ends), scene)
+                ends, steps = self.runs.turn(np.asarray(ends), resting(self.still))
                 self.spent.steps += steps
-            ends = np.asarray(ends)
-            above, below = np.split(ends[1:], 2)
-            matrix = (above - below).T / (2 * DIFFERENCE)
-            return ends[0] - point, matrix - np.eye(start.size), None
-
-        return newton_on_host(evaluated, np.asarray(start), NEAR_ENOUGH, STEPS)
+            above, below = np.split(np.asarray(ends)[1:], 2)
+            left, matrix = ends[0] - point[0], (above - below).T / (2 * DIFFERENCE) - eye
+            now = advanced(now, left, matrix, NEAR_ENOUGH, LOOKS, least=LEAST_SHARE)
+            if bool(now.done):
+                return now if bool(now.success) else None
+        return None
 
     def by_shots(self, start: Array, turns: int, way: WAYS) -> Iterator[Try]:
         """Yield the orbit near a section point: by nodes, or by shooting where it loses contact."""
         found = self.approached(start, turns)
         if found is None:
             return
-        state = jnp.asarray(found.point)
+        state = found.point
         path = np.asarray(self._followed(state, turns).path)
         if np.all(np.linalg.norm(pins(path), axis=-1) > 1):
             count = next(n for n in COUNTS if n == COUNTS[-1] or _settles(path, n * turns))
@@ -238,7 +240,7 @@ class OrbitSearch(NamedTuple):
         found = self.approached(start, orbit.period)
         if found is None:
             return
-        values, vectors = np.linalg.eig(found.jacobian + np.eye(start.size))
+        values, vectors = np.linalg.eig(np.asarray(found.jacobian) + np.eye(start.size))
         way = np.real(vectors[:, np.argmin(np.where(np.imag(values), np.inf, np.real(values)))])
         way /= np.max(np.abs(way[pins_of(self.still)]))
         for distance in BESIDE:
