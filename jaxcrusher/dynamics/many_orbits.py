@@ -161,10 +161,8 @@ def from_neighbours(
     """
     tried = set[tuple[int, int]]()
     while True:
-        usable, left = (
-            rows["success"] & (rows["period"] == period),
-            np.flatnonzero(~rows["success"]),
-        )
+        left = np.flatnonzero(~rows["success"])
+        usable = rows["stable"] & (rows["period"] == period)
         # As many guesses of each as fill a chunk.
         most = max(1, chunk // max(1, len(left)))
         pairs = [
@@ -184,6 +182,7 @@ def from_neighbours(
         # Of several guesses the first that leads counts.
         into, out = np.unique(np.where(found["success"], which, -1), return_index=True)
         into, out = into[into >= 0], out[into >= 0]
+        found["way"] = np.full(len(which), _code(WAYS.neighbour))
         for name in found.keys() - {"from_rest", *MOTION}:
             rows[name][into] = found[name][out]
 
@@ -204,7 +203,9 @@ def _in_words(codes: np.ndarray, kind: Any, entry: PyTree) -> np.ndarray:
     return np.array([words(kind, _entry(code, entry)) for code in known.tolist()], object)[which]
 
 
-def _solved(given: tuple[DesignCase, Float[Array, "points dims"]], sought: Sought) -> Rows:
+def _solved(
+    given: tuple[DesignCase, Float[Array, "points dims"]], sought: Sought
+) -> dict[str, Array]:
     """Solve one case by nodes, from those of a guess or, where these are NaN, from rest.
 
     A case of NaN, which only fills a chunk, is skipped.

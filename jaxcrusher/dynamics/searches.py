@@ -7,9 +7,11 @@ many of them ask for, all at once, in a fraction of the time.
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from queue import SimpleQueue
+from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
 
@@ -32,7 +34,7 @@ from jaxcrusher.orbits.transient import (
 SEARCHES = 256
 # What searches ask for: turns, their tolerance and the most steps of each, from section points.
 How = tuple[int, float, int | None]
-_Asked = tuple[How, list[SceneAt], Future[NextTurns]]
+_Asked = tuple[How, list[tuple[Any, Scene]], Future[Any]]
 
 
 class Gathered(Lone):
@@ -43,15 +45,16 @@ class Gathered(Lone):
 
     def piece(self, case: SceneAt, most: int | None) -> NextTurns:
         """Return the next `PIECE` turns from a section point, in `most` steps each."""
-        return jax.tree.map(lambda leaf: leaf[0], self._asked((PIECE, WAIT_RTOL, most), [case]))
+        turns = self._asked((PIECE, WAIT_RTOL, most), [case])
+        return jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), turns)
 
     def turn(self, states: Float[np.ndarray, "n dims"], scene: Scene) -> Ends:
         """Return where one turn leads from each of some section points, at `FINE`."""
         ends, _, outcome = self._asked((1, FINE, None), [(state, scene) for state in states])
         return ends[:, 0], int(np.sum(outcome.steps))
 
-    def _asked(self, how: How, cases: list[SceneAt]) -> NextTurns:
-        future = Future[NextTurns]()
+    def _asked(self, how: How, cases: list[tuple[Any, Scene]]) -> Any:
+        future = Future[Any]()
         self.events.put((how, cases, future))
         return future.result()
 

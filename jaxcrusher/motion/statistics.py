@@ -208,7 +208,7 @@ def over_turns(
 
 def by_turns(
     scene: Scene, state: ArrayLike | None, turns: int, outputs: Chosen, method: Integration
-) -> tuple[Float[Array, "turns dims"], dict[str, Float[Array, " turns"]], Outcome]:
+) -> tuple[Float[Array, "turns dims"], dict[str, Float[Array, "turns ..."]], Outcome]:
     """Return the section points at the ends of turns, statistics of each turn, and the outcome."""
     flow = Flow(scene, unflattened(state, scene))
     problem, shares = statistics_problem(flow, outputs)

@@ -14,6 +14,7 @@ class Effort(NamedTuple):
 
     nodes: int  # a turn
     turns: int  # waited for
+    longest: int  # period that a motion is looked at for, in turns
     steps: float  # of the integrator, in all
     shoots: bool
 
@@ -25,9 +26,9 @@ class Effort(NamedTuple):
 
 # A million steps take 1 to 2.5 s of a core.
 EFFORTS = {
-    "quick": Effort(NODES, turns=480, steps=1e6, shoots=False),
-    "usual": Effort(MOST_NODES, turns=1920, steps=4e6, shoots=True),
-    "thorough": Effort(MOST_NODES, turns=1920, steps=math.inf, shoots=True),
+    "quick": Effort(NODES, turns=480, longest=4, steps=1e6, shoots=False),
+    "usual": Effort(MOST_NODES, turns=1920, longest=4, steps=4e6, shoots=True),
+    "thorough": Effort(MOST_NODES, turns=7680, longest=12, steps=math.inf, shoots=True),
 }
 
 

@@ -60,6 +60,7 @@ class WAYS(eqx.Enumeration):  # pyright: ignore
     sum = "as a sum over a turn: there is nothing to solve for"
     rest = "from the pins at rest"
     guess = "from a guess"
+    neighbour = "from a stable orbit of a neighbour"
     damping = "from the pins at rest, by a damping lowered to none"
     waiting = "from the mean of turns that were waited for"
     shooting = "by shooting"

@@ -40,11 +40,9 @@ TURNS = 240
 WAIT_RTOL = 1e-7
 # That of turns whose differences are slopes.
 FINE = 1e-8
-# Instants a turn at which the motion from a mean is looked at.
-ANGLES = 96
-# The longest period that a motion is looked at for, and how much narrower it must be about the
-# means of every p-th turn than about the mean of all.
-LONGEST, NARROWER = 4, 0.5
+# How much narrower a motion of p turns must be about the means of every p-th turn than about the
+# mean of all.
+NARROWER = 0.6
 # Section points so near, in clearances and m/s, repeat.
 REPEATED = 1e-4
 # How far a disturbance is from a motion, in clearances and m/s, at first.
@@ -59,7 +57,7 @@ SceneAt = tuple[Float[Array, " dims"], Scene]
 # Section points of turns (turns, dims), statistics of each turn, and how they ended.
 NextTurns = tuple[Array, dict[str, Array], Outcome]
 # Section points after a turn, and the steps of all these integrations.
-Ends = tuple[Float[Array | np.ndarray, "n dims"], int]
+Ends = tuple[np.ndarray, int]
 
 
 def section_points(case: SceneAt, *, turns: int, rtol: float, most: int | None = None) -> NextTurns:
@@ -185,14 +183,16 @@ class Round:
         disorder = indicators.zero_one_test(indicators.widest(self.states))
         return RESULTS.quasi_periodic if disorder < indicators.ORDER else RESULTS.aperiodic
 
-    def means(self, period: int | None) -> Iterator[tuple[int, Float[Array, " dims"]]]:
+    def means(
+        self, period: int | None, longest: int
+    ) -> Iterator[tuple[int, Float[Array, " dims"]]]:
         """Yield numbers of turns and the mean of section points so far apart.
 
-        Without a `period` that is 1, and the least up to `LONGEST` about whose means the motion
+        Without a `period` that is 1, and the least up to the `longest` about whose means the motion
         is clearly narrower.
         """
         enough = NARROWER * self._spread(1)
-        longer = next((p for p in range(2, LONGEST + 1) if self._spread(p) < enough), 1)
+        longer = next((p for p in range(2, longest + 1) if self._spread(p) < enough), 1)
         for turns in sorted({1, longer}) if period is None else (period,):
             yield turns, jnp.asarray(about_means(self.states, turns)[0][-1])
 

@@ -33,7 +33,6 @@ from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import ORBIT_RTOL, closed, described, integrated_multipliers
 from jaxcrusher.orbits.solving import NODES, SETTLED, Nodes, solved, with_statistics
 from jaxcrusher.orbits.transient import (
-    LONGEST,
     Followed,
     Lone,
     Round,
@@ -43,10 +42,8 @@ from jaxcrusher.orbits.transient import (
     resting_start,
     section_mean,
 )
-from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.multipliers import UNSURE
 from jaxcrusher.periodic.newton import Root, advanced, begun
-from jaxcrusher.periodic.shooting_problem import LEAST_SHARE
 from jaxcrusher.periodic.trigonometric import resample
 
 # Distances in clearances from an unstable orbit, at which the orbit of twice the turns is shot for.
@@ -59,13 +56,12 @@ COMES_BACK = 1e-6
 SURELY_CLOSED = 1e-7
 # Turns of a wait that cost as much as shooting for a period of one turn.
 SHOT = 300
-# Nodes a turn to begin with where the path is known.
-COUNTS = (NODES, 2 * NODES, MOST_NODES)
 # Differences of turns are over twice this shift of a section point, in clearances and m/s; their
 # tolerance of 1e-8 leaves 1e-4 of a slope. Newton's last step, from where nodes or shooting go on.
 DIFFERENCE, NEAR_ENOUGH = 1e-4, 1e-5
-# Points that it looks at, at most.
-LOOKS = 16
+# Points that it looks at, at most, and the shortest share of its steps: where multipliers are all
+# but one it goes by short ones for a while.
+LOOKS, LEAST_SHARE = 24, 0.01
 
 # Tells each try as it begins, for a program that shows how far it is.
 _LOG = logging.getLogger(__name__)
@@ -204,9 +200,9 @@ class OrbitSearch(NamedTuple):
         for _ in range(LOOKS):
             ends = point = np.asarray(now.point) + shifts
             for _ in range(turns):
-                ends, steps = self.runs.turn(np.asarray(ends), resting(self.still))
+                ends, steps = self.runs.turn(ends, resting(self.still))
                 self.spent.steps += steps
-            above, below = np.split(np.asarray(ends)[1:], 2)
+            above, below = np.split(ends[1:], 2)
             left, matrix = ends[0] - point[0], (above - below).T / (2 * DIFFERENCE) - eye
             now = advanced(now, left, matrix, NEAR_ENOUGH, LOOKS, least=LEAST_SHARE)
             if bool(now.done):
@@ -221,8 +217,7 @@ class OrbitSearch(NamedTuple):
         state = found.point
         path = np.asarray(self._followed(state, turns).path)
         if np.all(np.linalg.norm(pins(path), axis=-1) > 1):
-            count = next(n for n in COUNTS if n == COUNTS[-1] or _settles(path, n * turns))
-            nodes = self.by_nodes(jnp.asarray(path), turns, count).replaced(way=way)
+            nodes = self.by_nodes(jnp.asarray(path), turns, 2 * NODES).replaced(way=way)
             yield nodes
             if bool(nodes.orbit.success):
                 return
@@ -235,7 +230,7 @@ class OrbitSearch(NamedTuple):
         They start where the disturbance that changes sides leads.
         """
         turns, start = 2 * orbit.period, orbit.section
-        if turns > LONGEST or not self.can_shoot(start, turns):
+        if turns > self.spent.bounds.longest or not self.can_shoot(start, turns):
             return
         found = self.approached(start, orbit.period)
         if found is None:
@@ -335,7 +330,9 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
 
     def waited(rest: Round) -> Iterator[Try]:
         """Yield what the means of turns lead to; those of chaos lead nowhere that is stable."""
-        for turns, mean in () if rest.chaotic else rest.means(search.period):
+        for turns, mean in (
+            () if rest.chaotic else rest.means(search.period, search.spent.bounds.longest)
+        ):
             yield from shots(mean, turns, WAYS.waiting)
 
     def more() -> Iterator[Try]:
@@ -394,12 +391,6 @@ def _has_doubled(orbit: PeriodicOrbit) -> bool:
     return bool(orbit.success) and not bool(orbit.stable) and flips
 
 
-def _settles(path: np.ndarray, nodes: int) -> bool:
-    """Whether a polynomial through so many nodes follows a path over its period."""
-    sizes = 2 / len(path) * np.abs(np.fft.rfft(path, axis=0))
-    return bool(np.max(np.sum(sizes[nodes // 2 :], axis=0)) < SETTLED)
-
-
 def _is_near(one: Array, other: Array) -> bool:
     """Whether two section points are one place."""
     return bool(np.max(np.abs(one - other)) < NEAR)
@@ -410,7 +401,7 @@ def _shots(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
     if search.section is not None:
         yield search.by_shooting(search.section, search.turns)
     for rest in wait.rounds():
-        for turns, mean in rest.means(search.period):
+        for turns, mean in rest.means(search.period, search.spent.bounds.longest):
             yield search.by_shooting(mean, turns)
     none = missing(search.still, search.turns, RESULTS.not_closed)
     yield Try(none, none)

@@ -126,7 +126,7 @@ def _directly(transposed: int) -> Callable:
             size, count, place = rights[0].size, len(by_x), jnp.arange(len(by_x))
             # Whole matrices, which are circulant, would be copied for every design. Their middle
             # columns hold their largest numbers without loss of digits.
-            first, second = columns[:, (place[:, None] - place + count // 2) % count]
+            first, second = columns[:, (place[:, None] - place[None] + count // 2) % count]
             matrix = jacobian(by_x, by_rate, (first, second))
             factors = lu_factor(matrix.reshape(size, size))
             flat = lu_solve(factors, rights.reshape(len(rights), size).T, trans=transposed)

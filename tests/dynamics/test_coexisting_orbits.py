@@ -192,7 +192,7 @@ def test_orbits_that_are_mirror_images_are_two():
 def test_starts_whose_runs_fail_come_to_no_orbit(monkeypatch):
     def failing(function, cases, chunk, **_):
         states, _ = cases
-        return states[:, None], SimpleNamespace(success=np.zeros(len(states), bool))
+        return states[:, None], {}, SimpleNamespace(success=np.zeros(len(states), bool))
 
     monkeypatch.setattr(module, "run_all", failing)
     none = Orbit([[0.0, 0.0]], stable=False)
