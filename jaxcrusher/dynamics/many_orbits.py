@@ -25,8 +25,8 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.periodic_orbit import orbit_by, periodic_orbit
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
+from jaxcrusher.orbits.search import SURELY_CLOSED, OrbitSearch, Try, is_unresolved
 from jaxcrusher.orbits.transient import Lone
-from jaxcrusher.orbits.tries import SURELY_CLOSED, OrbitSearch, Try, is_unresolved
 from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.trigonometric import resample
 

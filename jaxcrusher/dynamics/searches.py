@@ -1,6 +1,6 @@
 """Searches for many orbits at once, each in a thread: turns that they wait for are gathered.
 
-A search is written as if it were alone (`jaxcrusher.orbits.tries`). Lanes integrate the turns that
+A search is written as if it were alone (`jaxcrusher.orbits.search`). Lanes integrate the turns that
 many of them ask for, all at once, in a fraction of the time.
 """
 

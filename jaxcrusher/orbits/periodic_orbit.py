@@ -24,9 +24,9 @@ from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.impact_velocities import held, settled_velocities
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, finished, missing
+from jaxcrusher.orbits.search import OrbitSearch, Try, searched, shot_for, shot_once
 from jaxcrusher.orbits.solving import kinematic, solved, solved_as_needed, with_statistics
 from jaxcrusher.orbits.transient import Lone
-from jaxcrusher.orbits.tries import OrbitSearch, Try, searched, shot_for, shot_once
 
 
 def periodic_orbit(
@@ -41,7 +41,7 @@ def periodic_orbit(
     """Return the motion of `scene` that repeats after `period` turns.
 
     By Fourier collocation, from the pins at rest or by a damping that is lowered to none. Where
-    values are known, further ways are tried until an orbit is stable (`jaxcrusher.orbits.tries`):
+    values are known, further ways are tried until an orbit is stable (`jaxcrusher.orbits.search`):
     the motion is waited for over up to 1920 turns and solved for from there, by shooting if it
     loses contact.
 
@@ -52,8 +52,8 @@ def periodic_orbit(
       must then be known. Of a rough feed it is the orbit under the mean load: see
       `jaxcrusher.feed_response`. Its numbers may be traced: works under `jax.jit`, `jax.vmap`,
       `jax.grad`, `jax.jacfwd` and `jax.jvp`; slopes by the implicit function theorem.
-    - `period`: turns of the shaft, >= 1. None is the guess's, or 1; or 2 to 4 where the motion that
-      is waited for repeats so.
+    - `period`: turns of the shaft, >= 1. None is the guess's, or 1; or 2 to 4, with the effort
+      "thorough" to 12, where the motion that is waited for repeats so.
     - `nodes`: even number of nodes a turn. None is 96, and more, up to 384, until the RMS
       stands to 1e-8 of itself. With a number given nothing is waited for.
     - `guess`: a neighbour, or e / c at equally spaced phases of the whole period; None, or NaN, is
@@ -64,8 +64,9 @@ def periodic_orbit(
     - `effort`: "quick" takes 96 nodes alone, waits for 480 turns at most and does not shoot.
       "usual" tries all ways, cheap ones first, and ends after four million steps of the integrator
       (`jaxcrusher.orbits.effort`): an answer takes seconds, besides compilation, also where
-      there is no orbit. "thorough" has no such bound. It does not matter where `nodes` or a
-      `method` is given. Ctrl-C ends a search with a KeyboardInterrupt that says what is known.
+      there is no orbit. "thorough" has no such bound, and waits for up to 7680 turns. It does not
+      matter where `nodes` or a `method` is given. Ctrl-C ends a search with a KeyboardInterrupt
+      that says what is known.
 
     **Returns:** a `PeriodicOrbit`, stable or not: look at `success` and `stable`. `found` says by
     which way it was found, and `failure` what the motion does if it has none. An orbit whose RMS is

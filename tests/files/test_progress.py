@@ -30,7 +30,7 @@ def test_a_terminal_gets_none():
 
 
 def test_stages_are_lines_of_a_file():
-    file, logger = io.StringIO(), logging.getLogger("jaxcrusher.orbits.tries")
+    file, logger = io.StringIO(), logging.getLogger("jaxcrusher.orbits.search")
     with stages(Console(file=file), "solving"):
         logger.info("shooting for a period of %d", 2)
         logger.debug("not told")

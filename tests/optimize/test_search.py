@@ -265,10 +265,10 @@ def bounded(monkeypatch):
             ran.append(len(units))
             return [{"objective": np.full((2, 2), best.objective + above)}] * len(units)
 
-        def solve(problem, units, neighbours=None, **how):
-            (solved if neighbours is None else waited).append(len(units))
+        def solve(problem, units, effort=None, **how):
+            (solved if effort is None else waited).append(len(units))
             rows = function(problem, units)
-            return rows if neighbours is None else rows | {n: c[27:] for n, c in changed.items()}
+            return rows if effort is None else rows | {n: c[27:] for n, c in changed.items()}
 
         monkeypatch.setattr(bound, "long_runs", runs)
         monkeypatch.setattr(bound, "solve", solve)

@@ -8,8 +8,8 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.orbits.effort import Spent
+from jaxcrusher.orbits.search import COMES_BACK, SURELY_CLOSED, OrbitSearch
 from jaxcrusher.orbits.solving import solved, with_statistics
-from jaxcrusher.orbits.tries import COMES_BACK, SURELY_CLOSED, OrbitSearch
 
 LOOSE_ELBOW = {"load_law": "normal_to_jaw", "elbow.clearance": 3e-5, "clearance": 1.2e-4}
 

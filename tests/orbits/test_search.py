@@ -11,18 +11,19 @@ import jaxcrusher as jc
 from jaxcrusher.basics.integrate import Outcome
 from jaxcrusher.motion.indicators import CHAOS
 from jaxcrusher.motion.section import fine
-from jaxcrusher.orbits import transient, tries
+from jaxcrusher.orbits import search as searches
+from jaxcrusher.orbits import transient
 from jaxcrusher.orbits.effort import EFFORTS, Spent
 from jaxcrusher.orbits.result import RESULTS, WAYS, missing
-from jaxcrusher.orbits.solving import solved
-from jaxcrusher.orbits.transient import Round, Wait, resting_start
-from jaxcrusher.orbits.tries import (
+from jaxcrusher.orbits.search import (
     OrbitSearch,
     Try,
     first_stable,
     searched,
     with_doubled,
 )
+from jaxcrusher.orbits.solving import solved
+from jaxcrusher.orbits.transient import Round, Wait, resting_start
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.multipliers import UNSURE
 from jaxcrusher.periodic.trigonometric import resample
@@ -176,8 +177,8 @@ def test_a_section_point_that_keeps_contact_is_solved_for_by_nodes(monkeypatch):
     path = np.asarray(resample(stable.eccentricity, 1024))
     for bent, orbit, expected in ((2.0, stable, ["shot"]), (0.0, none, [192, "shot"])):
         wave = bent * np.cos(2 * np.pi * 120 * np.arange(1024) / 1024)[:, None]
-        one = tries.Followed(stable.section, jnp.asarray(path + wave), fine())
-        monkeypatch.setattr(tries, "followed", lambda *_, one=one: one)
+        one = searches.Followed(stable.section, jnp.asarray(path + wave), fine())
+        monkeypatch.setattr(searches, "followed", lambda *_, one=one: one)
         monkeypatch.setattr(Search, "by_nodes", lambda *a, o=orbit: asked.append(a[3]) or Try(o, o))
         asked.clear()
         list(search.by_shots(stable.section, 1, WAYS.waiting))
@@ -338,7 +339,7 @@ def test_tangents_beyond_the_effort_are_not_integrated(monkeypatch, steps, integ
         asked.append(1)
         return jnp.zeros(4), jnp.array(0.0)
 
-    monkeypatch.setattr(tries, "integrated_multipliers", tangents)
+    monkeypatch.setattr(searches, "integrated_multipliers", tangents)
     Unsure = dataclasses.make_dataclass("Unsure", ["multipliers"], namespace={"doubted": False})
     Error = dataclasses.make_dataclass("Error", ["error"])
     search = OrbitSearch(scene, scene, None, None, None, Spent("usual"))

@@ -1,16 +1,20 @@
-"""The tries by which the orbit of a scene with known values is searched for, one after the other.
+"""The search for the orbit of a scene with known values: tries, one after the other.
 
-1. Newton's method from the guess, or from the pins at rest and by way of a damping. The damping
-   leads to the quietest of several motions: the motion from rest is looked at, and goes before.
-2. Shooting from the guess's section point, and without a guess: rest.
-3. Rest with twice the nodes, and shooting from what nodes do not resolve.
-4. Turns that are waited for from rest: their mean, by nodes and by shooting, unless they are
-   chaotic.
+1. Newton's method by nodes from the guess, or from the pins at rest and by way of a damping. The
+   damping leads to the quietest of several motions: the motion from rest is looked at, and goes
+   before.
+2. Section points: of the guess, and then means of turns that are waited for from rest, unless these
+   are chaotic. Newton's method, with differences of turns, leads to one that repeats. Its orbit is
+   solved for by nodes and, where it loses contact, by shooting.
+3. Rest with twice the nodes, and the section point of what nodes do not resolve.
 
 Where one of these leads to an unstable orbit whose period has doubled, the orbit of twice the turns
-is shot for from beside it. The first stable orbit is the answer. Under `jax.jit` the first try is
-all: see `jaxcrusher.orbits.solving`. A bounded effort (`jaxcrusher.orbits.effort`) takes the fourth
-before the third, which it leaves out where the motion from rest is chaotic.
+is searched for from beside it. The first stable orbit is the answer. An unbounded effort takes the
+third try before what it waits for. Under `jax.jit` the first try is all: see
+`jaxcrusher.orbits.solving`.
+
+A search asks for its turns, so that those of many searches are integrated at once
+(`jaxcrusher.dynamics.searches`): the search for one orbit and for many is the same.
 """
 
 import dataclasses
