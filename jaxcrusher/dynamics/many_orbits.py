@@ -121,7 +121,10 @@ def solve_orbits(
         lanes = functools.partial(together, engine=engine)
         if scheduler is None:
             lanes = functools.partial(lanes, tell=lambda: report(count - len(left), count))
-        given = _part(cases, left), [rows[name][left] for name in ("code", "way", "eccentricity")]
+        given = (
+            _part(cases, left),
+            tuple(rows[name][left] for name in ("code", "way", "eccentricity")),
+        )
         search = eqx.Partial(_searched, sought=sought, effort=effort)
         for name, column in run_all(search, given, SEARCHES, lanes, **settings).items():
             rows[name][left] = column
@@ -135,7 +138,7 @@ def solve_orbits(
     return rows
 
 
-def _part(cases: Cases, which: Int[np.ndarray, " some"]) -> Cases:
+def _part(cases: Cases, which: Int[np.ndarray, " some"]) -> PyTree:
     return jax.tree.map(lambda leaf: np.asarray(leaf)[which], cases)
 
 

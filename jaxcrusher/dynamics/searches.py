@@ -77,7 +77,7 @@ def together(
 
     def one(case: int) -> PyTree:
         try:
-            return search(jax.tree.map(lambda leaf: leaf[case], cases), runs)
+            return search(jax.tree.map(lambda leaf: jnp.asarray(leaf[case]), cases), runs)
         finally:
             runs.events.put(None)
 
