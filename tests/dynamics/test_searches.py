@@ -101,7 +101,7 @@ def test_a_cell_of_a_map_is_a_lone_answer():
 def test_a_map_names_a_motion_round_an_unstable_orbit():
     """A pair of multipliers has left the unit circle: the motion turns round the orbit."""
     axes = {"speed": [40.0], "clearance": [0.075e-3, 0.0975e-3]}
-    found = jc.orbit_map(jc.paper_machine(), axes).isel(speed=0)
+    found = jc.orbit_map(jc.paper_machine(), axes, effort="thorough").isel(speed=0)
     assert found.success.values.all() and found.stable.values.tolist() == [True, False]
     name = words(RESULTS, RESULTS.quasi_periodic)
     assert found.motion.values.tolist() == ["", name]
