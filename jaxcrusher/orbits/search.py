@@ -6,7 +6,7 @@
 2. Section points: of the guess, and then means of turns that are waited for from rest, unless these
    are chaotic. Newton's method, with differences of turns, leads to one that repeats. Its orbit is
    solved for by nodes and, where it loses contact, by shooting.
-3. Rest with twice the nodes, and the section point of what nodes do not resolve.
+3. The section point of what nodes do not resolve.
 
 Where one of these leads to an unstable orbit whose period has doubled, the orbit of twice the turns
 is searched for from beside it. The first stable orbit is the answer. An unbounded effort takes the
@@ -32,11 +32,13 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.state import pins_of
 from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.forced import can_be_shot, pins, unknowns
-from jaxcrusher.orbits.oscillation import NEAR, oscillation_about
+from jaxcrusher.orbits.oscillation import NEAR, about_means, oscillation_about
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import ORBIT_RTOL, closed, described, integrated_multipliers
 from jaxcrusher.orbits.solving import NODES, SETTLED, Nodes, solved, with_statistics
 from jaxcrusher.orbits.transient import (
+    TURNS,
+    WAIT_RTOL,
     Followed,
     Lone,
     Round,
@@ -44,7 +46,7 @@ from jaxcrusher.orbits.transient import (
     followed,
     resting,
     resting_start,
-    section_mean,
+    section_points,
 )
 from jaxcrusher.periodic.multipliers import UNSURE
 from jaxcrusher.periodic.newton import Root, advanced, begun
@@ -139,9 +141,11 @@ class OrbitSearch(NamedTuple):
         return guess if len(guess) == nodes else resample(guess, nodes)
 
     def _wants_nodes(self, orbit: PeriodicOrbit, doubted: bool) -> bool:
-        """Tell whether more nodes may help: what they do not resolve is sooner shot for."""
-        inexact = bool(orbit.success) and (doubted or not float(orbit.error) <= SETTLED)
-        return inexact or (is_unresolved(orbit.result) and not self.spent.bounds.bounded)
+        """Tell whether more nodes may help: what loses contact is sooner shot for."""
+        if bool(orbit.success):
+            return doubted or not float(orbit.error) <= SETTLED
+        lost = bool(orbit.result == RESULTS.contact_lost) and not self.spent.bounds.bounded
+        return lost or bool(orbit.result == RESULTS.unresolved)
 
     def with_multipliers(self, found: Try, nodes: Nodes) -> Try:
         """Return an orbit with multipliers by the integrator, if steps or nodes leave them unsure.
@@ -199,12 +203,12 @@ class OrbitSearch(NamedTuple):
         By Newton's method, whose slopes are central differences of turns.
         """
         _LOG.info("Newton's method on section points for a period of %d", turns)
-        eye, now = np.eye(start.size), begun(start)
+        eye, now, rested = np.eye(start.size), begun(start), resting(self.still)
         shifts = DIFFERENCE * np.concatenate([np.zeros((1, start.size)), eye, -eye])
         for _ in range(LOOKS):
             ends = point = np.asarray(now.point) + shifts
             for _ in range(turns):
-                ends, steps = self.runs.turn(ends, resting(self.still))
+                ends, steps = self.runs.turn(ends, rested)
                 self.spent.steps += steps
             above, below = np.split(ends[1:], 2)
             left, matrix = ends[0] - point[0], (above - below).T / (2 * DIFFERENCE) - eye
@@ -280,7 +284,8 @@ def shot_once(scene: Scene, still: Scene, section: Array | None, turns: int) -> 
     From a section point, or from the mean of 240 turns from the pins at rest.
     """
     if section is None:
-        section = section_mean(resting_start(still), period=turns)
+        states, *_ = section_points(resting_start(still), turns=TURNS, rtol=WAIT_RTOL)
+        section = jnp.asarray(about_means(states[TURNS // 2 :], turns)[0][-1])
     return described(scene, closed(still, section, turns), turns)
 
 
@@ -334,17 +339,14 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
 
     def waited(rest: Round) -> Iterator[Try]:
         """Yield what the means of turns lead to; those of chaos lead nowhere that is stable."""
-        for turns, mean in (
-            () if rest.chaotic else rest.means(search.period, search.spent.bounds.longest)
-        ):
+        if rest.chaotic:
+            return
+        for turns, mean in rest.means(search.period, bounds.longest):
             yield from shots(mean, turns, WAYS.waiting)
 
-    def more() -> Iterator[Try]:
-        """Yield what twice the nodes lead to, and shooting from what nodes do not resolve."""
-        if bounds.nodes > begin:
-            yield search.by_nodes(None, turns, 2 * begin)
+    def near_unresolved() -> Iterator[Try]:
+        """Yield what lies near a motion that nodes do not resolve: it may lose contact."""
         if is_unresolved(first.orbit.result):
-            # What Newton's method converged to is near the orbit that loses contact.
             yield from shots(first.orbit.section, turns, WAYS.shot_nodes)
 
     # An unbounded search needs the more nodes sooner or later: one program then serves all orbits.
@@ -361,14 +363,14 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
         yield from shots(search.section, turns, WAYS.guess)
     if search.guess is not None:
         yield search.by_nodes(None, turns)
-    late, chaotic = more(), False
     if not bounds.bounded:
-        yield from late
+        yield from near_unresolved()
+    chaotic = False
     for rest in rounds:
         yield from waited(rest)
         chaotic = rest.chaotic
-    if not chaotic:
-        yield from late  # once
+    if bounds.bounded and not chaotic:
+        yield from near_unresolved()
 
 
 def with_doubled(search: OrbitSearch, tries: Iterable[Try]) -> Iterator[Try]:

@@ -110,12 +110,6 @@ def resting_start(scene: Scene) -> SceneAt:
     return initial_state(scene), scene
 
 
-def section_mean(case: SceneAt, *, period: int) -> Float[Array, " dims"]:
-    """Return the mean section point of some hundred turns, `period` apart."""
-    states, *_ = section_points(case, turns=TURNS, rtol=WAIT_RTOL)
-    return about_means(states[TURNS // 2 :], period)[0][-1]
-
-
 class Followed(NamedTuple):
     """Some turns from a section point: the state after them, and what was seen on the way."""
 
