@@ -64,7 +64,7 @@ class WAYS(eqx.Enumeration):  # pyright: ignore
     damping = "from the pins at rest, by a damping lowered to none"
     waiting = "from the mean of turns that were waited for"
     shooting = "by shooting"
-    shot_nodes = "by shooting, and by nodes from there"
+    unresolved = "from a motion that nodes did not resolve"
     doubling = "from an unstable orbit of half the turns, whose period has doubled"
     branch = "along a branch"
 

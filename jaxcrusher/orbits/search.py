@@ -347,7 +347,7 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
     def near_unresolved() -> Iterator[Try]:
         """Yield what lies near a motion that nodes do not resolve: it may lose contact."""
         if is_unresolved(first.orbit.result):
-            yield from shots(first.orbit.section, turns, WAYS.shot_nodes)
+            yield from shots(first.orbit.section, turns, WAYS.unresolved)
 
     # An unbounded search needs the more nodes sooner or later: one program then serves all orbits.
     begin = NODES if bounds.bounded else 2 * NODES
