@@ -49,7 +49,9 @@ def test_accelerations_reactions_and_energies(kind):
         return {"rate": ravel_pytree(rate)[0], **found}
 
     for one in DATA[kind]["instants"]:
-        found = seen(one["time"], jnp.asarray(one["state"], float).reshape(start.shape))
+        found = seen(
+            jnp.asarray(one["time"]), jnp.asarray(one["state"], float).reshape(start.shape)
+        )
         assert len(found) == len(one) - 2
         # Rounding of sums of forces; where a pin flies, its bore feels nothing.
         force = 1e-10 * one["foundation_force"]

@@ -33,7 +33,7 @@ FOLLOWED = {
 def followed(how, times, values):
     """The number of values at the ends of steps."""
     instants = [Instant(*map(jnp.asarray, pair)) for pair in zip(times, values, strict=True)]
-    kept = how.begin()
+    kept = tuple(map(jnp.asarray, how.begin()))
     befores = [instants[0], *instants]
     for before, start, end in zip(befores, instants, instants[1:], strict=False):
         kept = how.follow(kept, before, start, end)
