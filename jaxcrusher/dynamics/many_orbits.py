@@ -247,6 +247,12 @@ def _searched(
     return _described(case, sought, find, _one_by_one)
 
 
+@eqx.filter_jit
+def _made(free: Array, rest: PyTree, sought: Sought) -> Scene:
+    """Return the scene of a case, by a program for all of them: known values take 40 ms."""
+    return sought.scene(free, rest)
+
+
 def _one_by_one(function: Callable[[Array], Array], inputs: Array) -> Array:
     """Do as `jax.lax.map`, which compiles a function anew whose values are known."""
     return jnp.stack([function(one) for one in inputs])
@@ -262,7 +268,7 @@ def _described(
     free, rest = case
 
     def solved(free: Array) -> tuple[Float[Array, " numbers"], PeriodicOrbit]:
-        made = sought.scene(free, rest)
+        made = _made(free, rest, sought)
         orbit = find(made)
         return jnp.stack([one(orbit, made, free, rest) for one in sought.numbers]), orbit
 

@@ -46,7 +46,7 @@ class Gathered(Lone):
     def piece(self, case: SceneAt, most: int | None) -> NextTurns:
         """Return the next `PIECE` turns from a section point, in `most` steps each."""
         turns = self._asked((PIECE, WAIT_RTOL, most), [case])
-        return jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), turns)
+        return jax.tree.map(lambda leaf: leaf[0], turns)
 
     def turn(self, states: Float[np.ndarray, "n dims"], scene: Scene) -> Ends:
         """Return where one turn leads from each of some section points, at `FINE`."""

@@ -289,6 +289,7 @@ def built(
     )
 
 
+@eqx.filter_jit
 def missing(scene: Scene, period: int, result: RESULTS) -> PeriodicOrbit:
     """Return no orbit, for a reason: NaN in every number."""
     nan, dims = jnp.asarray(jnp.nan), 2 * forced.unknowns(scene)

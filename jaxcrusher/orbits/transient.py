@@ -4,7 +4,6 @@ A swing of the pin dies in thousands of turns. The mean over some hundred turns 
 leaves a guess from which Newton's method converges.
 """
 
-import functools
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Scalar
+from jaxtyping import Array, Bool, Float, Scalar
 
 from jaxcrusher.basics import integrate as integration
 from jaxcrusher.basics.integrate import Outcome
@@ -78,11 +77,12 @@ def piece(case: SceneAt, most: int | None = None) -> NextTurns:
     return _section_points(case, turns=PIECE, rtol=WAIT_RTOL, most=most)
 
 
-def whirls(scene: Scene, values: dict[str, Array]) -> bool:
+@eqx.filter_jit
+def whirls(scene: Scene, values: dict[str, Array]) -> Bool[Array, ""]:
     """Tell whether the last two of some turns whirl, by the statistics of each."""
     known = scene.entries(tuple(values))
     last = {name: one.reduction.of_pieces(values[name][-2:]) for name, one in known}
-    return bool(Statistics(2, fine(), last, values, jnp.zeros(0), known=known).whirl)
+    return Statistics(2, fine(), last, values, jnp.zeros(0), known=known).whirl
 
 
 class Lone:
@@ -207,15 +207,18 @@ class Wait:
 
     def __init__(self, scene: Scene, spent: Spent, runs: Lone | None = None) -> None:
         self._own, self.spent, self._runs = scene, spent, runs or Lone()
+        self._rested: SceneAt | None = None
         self._ended: Array | None = None  # the state after all turns so far
         self._values: list[dict[str, Array]] = []  # of each piece
         self._last: Round | None = None
         self._end: RESULTS | None = None  # why no further turns lead to an orbit
 
-    # Most orbits need no wait.
-    @functools.cached_property
+    @property
     def _begun(self) -> SceneAt:
-        return resting_start(self._own)
+        """Return its pins at rest, once it is asked for: most orbits need no wait."""
+        if self._rested is None:
+            self._rested = resting_start(self._own)
+        return self._rested
 
     @property
     def start(self) -> Array:
@@ -251,7 +254,7 @@ class Wait:
                 self.spent.turns += PIECE
                 self._values.append(values)
                 seen, self._ended = np.concatenate([seen, states]), states[-1]
-                if whirls(self._begun[1], values):
+                if bool(whirls(self._begun[1], values)):
                     self._end = RESULTS.whirl
                     return
             ends = not self.spent.affords(2 * PIECE)

@@ -132,6 +132,7 @@ def spread(one: Complex[Array, " n"], other: Complex[Array, " n"]) -> Scalar:
     return jnp.max(jnp.abs(sizes - others) / jnp.maximum(sizes, 1.0))
 
 
+@jax.jit
 def undecided(
     values: Complex[Array, "*batch n"], error: Float[Array, "*batch"]
 ) -> Bool[Array, "*batch"]:
@@ -139,6 +140,7 @@ def undecided(
     return ~(jnp.abs(largest(values) - 1) > error)
 
 
+@jax.jit
 def largest(values: Complex[Array, "*batch n"]) -> Float[Array, "*batch"]:
     """Return the largest modulus of multipliers, zero of none."""
     return jnp.max(jnp.abs(values), axis=-1, initial=0.0)
