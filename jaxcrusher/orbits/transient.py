@@ -7,7 +7,7 @@ leaves a guess from which Newton's method converges.
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -53,8 +53,9 @@ _LOG = logging.getLogger(__name__)
 
 # A section point, and the scene that moves from it.
 SceneAt = tuple[Float[Array, " dims"], Scene]
-# Section points of turns (turns, dims), statistics of each turn, and how they ended.
-NextTurns = tuple[Array, dict[str, Array], Outcome]
+# Section points of turns (turns, dims), statistics of each turn, and how they ended; arrays of JAX,
+# or of NumPy where lanes integrate.
+NextTurns = tuple[Any, dict[str, Any], Outcome]
 # Section points after a turn, and the steps of all these integrations.
 Ends = tuple[np.ndarray, int]
 
@@ -78,7 +79,7 @@ def piece(case: SceneAt, most: int | None = None) -> NextTurns:
 
 
 @eqx.filter_jit
-def whirls(scene: Scene, values: dict[str, Array]) -> Bool[Array, ""]:
+def whirls(scene: Scene, values: dict[str, Any]) -> Bool[Array, ""]:
     """Tell whether the last two of some turns whirl, by the statistics of each."""
     known = scene.entries(tuple(values))
     last = {name: one.reduction.of_pieces(values[name][-2:]) for name, one in known}
@@ -209,7 +210,7 @@ class Wait:
         self._own, self.spent, self._runs = scene, spent, runs or Lone()
         self._rested: SceneAt | None = None
         self._ended: Array | None = None  # the state after all turns so far
-        self._values: list[dict[str, Array]] = []  # of each piece
+        self._values: list[dict[str, Any]] = []  # of each piece
         self._last: Round | None = None
         self._end: RESULTS | None = None  # why no further turns lead to an orbit
 
@@ -253,7 +254,7 @@ class Wait:
                     return
                 self.spent.turns += PIECE
                 self._values.append(values)
-                seen, self._ended = np.concatenate([seen, states]), states[-1]
+                seen, self._ended = np.concatenate([seen, states]), jnp.asarray(states[-1])
                 if bool(whirls(self._begun[1], values)):
                     self._end = RESULTS.whirl
                     return
