@@ -11,8 +11,9 @@ import equinox as eqx
 from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics import smooth
-from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.basics.plane import Vector, plus, scalar
 from jaxcrusher.basics.record import Printed, Record
+from jaxcrusher.joint.film import Film
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import AbstractNormalForce
 
@@ -32,7 +33,7 @@ class Contact(Record):
     force: Vector  # on the bearing, N
     normal_loss: Scalar  # power that the damping takes, W
     friction_force: Scalar | None = None  # F_t on the bearing along t, N
-    friction_loss: Scalar | None = None  # power that friction takes, W
+    friction_loss: Scalar | None = None  # power that friction and a film take, W
     surface_speed: Scalar | None = None  # bearing's material past the journal's, along t, m/s
     bearing_moment: Scalar | None = None  # on the bearing about its centre, N m
     journal_moment: Scalar | None = None  # on the journal about its centre, N m
@@ -82,6 +83,14 @@ class AbstractBearing(Printed):
         in_contact = self.normal.in_contact(depth)
         return self.normal.impact_velocity.rate(memory, in_contact, depth, approach)
 
+    def resting(self, force: Vector, mean_spin: Scalar) -> Vector:
+        """Where a pin that hardly moves carries a force on the bearing: e in m, of N.
+
+        `mean_spin` is that of both bodies, rad/s.
+        """
+        size = smooth.norm(force, 0.0)
+        return (self.clearance + self.normal.penetration_under(size)) * (force / size)
+
     def elastic_energy(self, contact: Contact) -> Scalar:
         """Energy stored in the contact, J."""
         return self.normal.elastic_energy(contact.penetration)
@@ -89,6 +98,8 @@ class AbstractBearing(Printed):
 
 class ClearanceJoint(AbstractBearing):
     """Bore of radius R_i, pin of radius R_i - c, a normal law and a friction law or None.
+
+    A `film` between them adds its force to that of the contact.
 
     `norm_width` (m) smooths |e| at e = 0, where (2) of the paper is undefined; it shifts a
     penetration by norm_width**2 / (2 c), 1e-14 m.
@@ -99,6 +110,7 @@ class ClearanceJoint(AbstractBearing):
     normal: AbstractNormalForce
     friction: AbstractFriction | None
     norm_width: Scalar = eqx.field(converter=scalar, default=1e-9)
+    film: Film | None = None
 
     def contact(
         self,
@@ -108,7 +120,35 @@ class ClearanceJoint(AbstractBearing):
         journal_spin: Scalar | float,
         memory: Scalar | None,
     ) -> Contact:
-        """The contact of pin and bore; see `AbstractBearing.contact`.
+        """The contact of pin and bore; see `AbstractBearing.contact`."""
+        touch = self._dry(eccentricity, rate, bearing_spin, journal_spin, memory)
+        if self.film is None:
+            return touch
+        sizes = self.bore_radius, self.clearance
+        film = self.film.action(eccentricity, rate, bearing_spin, journal_spin, *sizes)
+        return dataclasses.replace(
+            touch,
+            force=touch.force + film.force,
+            friction_loss=plus(touch.friction_loss, film.loss),
+            bearing_moment=plus(touch.bearing_moment, film.bearing_moment),
+            journal_moment=plus(touch.journal_moment, film.journal_moment),
+        )
+
+    def resting(self, force: Vector, mean_spin: Scalar) -> Vector:
+        """Where a pin rests: in the film, or in the bore."""
+        if self.film is None:
+            return super().resting(force, mean_spin)
+        return self.film.resting(force, mean_spin, self.bore_radius, self.clearance)
+
+    def _dry(
+        self,
+        eccentricity: Vector,
+        rate: Vector,
+        bearing_spin: Scalar | float,
+        journal_spin: Scalar | float,
+        memory: Scalar | None,
+    ) -> Contact:
+        """Return what pin and bore do to each other where they touch.
 
         delta' = e'.n, the opposite of (6)'s v_n: with (6) the damping would be negative.
         """

@@ -5,12 +5,12 @@ from functools import partial
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import require
-from jaxcrusher.basics.plane import Vector
-from jaxcrusher.basics.smooth import norm
+from jaxcrusher.basics.plane import Vector, plus
 from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.mechanism.equations import solve
 from jaxcrusher.mechanism.motion import Crank, moving
@@ -92,11 +92,13 @@ def resting(
     held = partial(solve, curvatures=curvature)
     forces = snapshot_of(scene, motion, Named(), None, None, held).accelerations.forces
 
-    def depth(joint: AbstractBearing, force: Vector) -> Vector:
-        size = norm(force, 0.0)
-        return (joint.clearance + joint.normal.penetration_under(size)) * (force / size)
+    def mean_spin(name: str) -> Scalar:
+        joint = scene.linkage.joints.at(name)
+        both = plus(motion.spin(joint.bore.body), motion.spin(joint.pin.body))
+        return jnp.zeros(()) if both is None else both / 2
 
-    return scene.joints.map(depth, forces)
+    spins = Named({name: mean_spin(name) for name in scene.joints.names})
+    return scene.joints.map(AbstractBearing.resting, forces, spins)
 
 
 class Given(AbstractStart):

@@ -28,6 +28,7 @@ from jaxcrusher.crusher.loads import ByAngle, HalfSineStroke, closing_stroke_of,
 from jaxcrusher.crusher.machine import crusher_linkage, require_crusher, with_counterweight
 from jaxcrusher.crusher.template import CRUSHER
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
+from jaxcrusher.joint.film import Film
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import (
     ConstantImpactVelocity,
@@ -381,7 +382,9 @@ def joint_of(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     stiffness, width, norm_width = _stiffness(
         v["bore_radius"], v["clearance"], v["young"], v["poisson"]
     )
+    film = _film(v)
     if law == "rollers":
+        require(film is None, f"{prefix}film.viscosity", "not stand beside rollers", "given")
         return _roller_bearing(v, norm_width)
     tracked = v["impact_law"] == "tracked"
     velocity = TrackedImpactVelocity() if tracked else ConstantImpactVelocity(v["impact_velocity"])
@@ -396,11 +399,21 @@ def joint_of(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
         modulus = v["young"] / (2 * (1 - v["poisson"] ** 2))
         normal = built(name, law, values, modulus=modulus, norm_width=norm_width, **place, **known)
         if isinstance(normal, AbstractBearing):
+            require(film is None, f"{prefix}film.viscosity", f"not stand beside {law}", "given")
             return normal
     else:
         normal = LAWS["contact_law"][law](**known)
     friction = _friction(values, prefix) if _differs(v["friction"], 0) else None
-    return ClearanceJoint(**place, normal=normal, friction=friction, norm_width=norm_width)
+    return ClearanceJoint(
+        **place, normal=normal, friction=friction, norm_width=norm_width, film=film
+    )
+
+
+def _film(values: Mapping[str, Any]) -> Film | None:
+    """Return the film of a joint, None where it is dry."""
+    if "film.viscosity" not in values:
+        return None
+    return Film(**_of(values, "film."))
 
 
 @jax.jit  # as above

@@ -121,6 +121,8 @@ SECTIONS: dict[str, dict[str, Key]] = {
         "full_speed": Key(Parameter(1.0, "m/s", "v1 of the friction law"), "", 1.0, _LOOSE),
         **{n: Key(CHOICES[n], "", CHOICES[n][0], _LOOSE) for n in CHOICES_OF_A_JOINT},
         **{n: _usual(n, "contact_law=rollers") for n in PARAMETERS if n.startswith("rollers.")},
+        "film.viscosity": Key(PARAMETERS["film.viscosity"], default=None, comes_with=_LOOSE),
+        **{n: _usual(n, "film.viscosity") for n in ("film.width", "film.least_thickness")},
     },
     "slides": {
         "body": Key(None, "body"),

@@ -213,6 +213,15 @@ _PARAMETERS |= {
     "rollers.dynamic_rating": Parameter(0.98e6, "N", "C of a bearing"),
 }
 
+# Of a film of oil or grease at A; a scene has these names only with the first of them. Defaults are
+# judged: a heavy mineral oil, warm (ISO VG 220 has 0.07 Pa s at 60 degrees Celsius), in a bearing
+# as wide as the chamber leaves room for, whose surfaces are ground.
+_PARAMETERS |= {
+    "film.viscosity": Parameter(0.07, "Pa s", "mu of the oil between pin and bore; none: dry"),
+    "film.width": Parameter(0.1, "m", "length L of the film along the pin"),
+    "film.least_thickness": Parameter(2e-6, "m", "at which roughness takes over"),
+}
+
 # Of a shaft whose speed is uneven; a scene has these names only with the first of them.
 _PARAMETERS |= {
     "speed_fluctuation": Parameter(0.01, "1", "of the speed, a share of it; none: 0", (0, 0.99)),
@@ -353,6 +362,7 @@ _OPENERS: dict[str, tuple[str, ...]] = {
     "chamber.bed_exponent": ("load_law=chamber",),
     **{f"{joint}.": (f"{joint}.clearance",) for joint in WORN_JOINTS},
     "rollers.": ("contact_law=rollers",),
+    "film.": ("film.viscosity",),
     "rod.": ("rod.stiffness", "rod.preload"),
     "foundation.": ("foundation.mass",),
     **{name: (name,) for name in ("foundation.rocking_stiffness", "foundation.rocking_damping")},

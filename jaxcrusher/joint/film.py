@@ -1,0 +1,157 @@
+"""A lubricating film between pin and bore: the short bearing under a dynamic load.
+
+With e the pin's centre from the bore's, c the radial clearance, and n the unit vector at an angle
+of the bore, the film is h = c - e.n thick. Seen by whoever turns with the mean spin
+w = (spin of pin + spin of bore) / 2, the surfaces do not drag the film along, and the pin's centre
+moves at
+
+    u = e' - w z x e.
+
+Along the bore the pressure's slope is small against that across its width L (Ocvirk and DuBois,
+NACA Report 1157, 1953), so that Reynolds' equation has the pressure, and over the width its
+integral
+
+    p = 6 mu u.n (L^2 / 4 - z^2) / h^3,        mu L^3 u.n / h^3.
+
+The film carries where u.n > 0, on half of the bore, and cavitates on the other half at the ambient
+pressure. (Gumbel's half film; it stands still where u does, and needs no smoothing at its ends,
+where the pressure is zero.) Its force on the bore is
+
+    F = mu R L^3 int n (n.u) / h^3 dtheta    over u.n > 0.
+
+Sommerfeld's substitution makes elementary integrals of this (Booker, J. Basic Eng. 87, 1965): with
+E = |e| / c, q = 1 - E^2, C and S the cosine and the sine of the angle from e to u, and
+D = 1 - E^2 S^2,
+
+    A = pi + atan2(2 E sqrt(q) C, 1 - 2 E^2 + E^2 S^2)     the width of the half in that angle
+    G = 2 E sqrt(q) C (2 S^2 - 1 - E^2 S^2) / D^2
+    int cos^2 / (h / c)^3 = ((E^2 + 1/2) A + 4 E sqrt(q) C / D + G / 2) / q^(5/2)
+    int sin^2 / (h / c)^3 = (A - G) / (2 q^(3/2))
+    int sin cos / (h / c)^3 = 2 E S^3 / D^2.
+
+The shear of the surfaces past each other takes a moment T (spin of pin - spin of bore) with
+T = 2 pi mu R^3 L / (c sqrt(q)), as if the film filled the whole gap. Each surface carries half of
+what else action and reaction need, since pressure and thickness are those of both. The power that
+the film takes is F.u + T (spin of pin - spin of bore)^2, which is never negative.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Scalar
+
+from jaxcrusher.basics import smooth
+from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.basics.record import Printed
+from jaxcrusher.joint.normal import inverse
+
+# Of the speed u, whose direction the film's half follows; far below any that a film feels, m/s.
+_LEAST_SPEED = 1e-15
+# The corner where the film is held, as a share of its least thickness.
+_CORNER = 0.1
+
+
+class FilmAction(NamedTuple):
+    """What a film does to the two bodies."""
+
+    force: Vector  # on the bearing at its centre, N
+    bearing_moment: Scalar  # about its centre, N m
+    journal_moment: Scalar  # about its centre, N m
+    loss: Scalar  # W
+
+
+class Film(Printed):
+    """A film of a liquid with constant viscosity, over the whole clearance circle.
+
+    It grows no thinner than `least_thickness`, where roughness takes over: from there on it resists
+    as it does there, and the dry contact carries. It holds for widths of at most the radius; a
+    wider bearing leaks less than this says, and carries more.
+    """
+
+    viscosity: Scalar = eqx.field(converter=scalar)  # mu, Pa s
+    width: Scalar = eqx.field(converter=scalar)  # L, m
+    least_thickness: Scalar = eqx.field(converter=scalar, default=2e-6)  # m
+
+    def action(
+        self,
+        eccentricity: Vector,
+        rate: Vector,
+        bearing_spin: Scalar | float,
+        journal_spin: Scalar | float,
+        bore_radius: Scalar,
+        clearance: Scalar,
+    ) -> FilmAction:
+        """Return what the film does at e (m), e' (m/s) and the spins (rad/s)."""
+        mean_spin, slip = (bearing_spin + journal_spin) / 2, journal_spin - bearing_spin
+        seen = rate - mean_spin * eccentricity.perp()
+        share = self._share(eccentricity, clearance)
+        scale = self.viscosity * bore_radius * self.width**3 / clearance**3
+        force = scale * resistance(eccentricity, share, seen)
+        shear = 2 * jnp.pi * self.viscosity * bore_radius**3 * self.width
+        shear = shear / (clearance * jnp.sqrt(1 - share**2)) * slip
+        half = eccentricity.cross(force) / 2
+        return FilmAction(force, half + shear, half - shear, force.dot(seen) + shear * slip)
+
+    def resting(
+        self, force: Vector, mean_spin: Scalar, bore_radius: Scalar, clearance: Scalar
+    ) -> Vector:
+        """Return the e (m) at which a pin that does not move carries a force (N) on the bearing.
+
+        Ocvirk's: with X = 2 F c^2 / (mu R L^3 w) its E solves E sqrt(16 E^2 + pi^2 q) / q^2 = X,
+        and it is ahead of the load by arctan(pi sqrt(q) / 4 E), as w turns. In v = E / q the left
+        side is pi v at first and 4 v^2 at last.
+        """
+        size, pace = smooth.norm(force, 1e-9), jnp.sqrt(mean_spin**2 + 1e-12)
+        scale = self.viscosity * bore_radius * self.width**3 / clearance**2 * pace
+        asked = 2 * size / scale
+
+        def carried(v: Scalar) -> Scalar:
+            share = _share_of(v)
+            return v / (1 - share**2) * _sides(share)
+
+        share = _share_of(inverse(carried, asked, asked / (jnp.pi + 2 * jnp.sqrt(asked))))
+        share = jnp.minimum(share, 1 - self.least_thickness / clearance)
+        along, across = 4 * share / _sides(share), jnp.pi * jnp.sqrt(1 - share**2) / _sides(share)
+        ahead = mean_spin / pace * across * force.perp()
+        return clearance * share / size * (along * force + ahead)
+
+    def _share(self, eccentricity: Vector, clearance: Scalar) -> Scalar:
+        """Return |e| / c, no more than leaves the least thickness."""
+        thin = self.least_thickness / clearance
+        length = smooth.norm(eccentricity / clearance, 1e-12)
+        return 1 - thin - smooth.positive_part(1 - thin - length, _CORNER * thin)
+
+
+def _share_of(v: Scalar) -> Scalar:
+    """Return E where E / (1 - E^2) is v."""
+    return 2 * v / (1 + jnp.sqrt(1 + 4 * v**2))
+
+
+def _sides(share: Scalar) -> Scalar:
+    """Return sqrt(16 E^2 + pi^2 q)."""
+    return jnp.sqrt(16 * share**2 + jnp.pi**2 * (1 - share**2))
+
+
+def resistance(eccentricity: Vector, share: Scalar, seen: Vector) -> Vector:
+    """Return int n (n.u) / (h / c)^3 dtheta over the half where the film carries.
+
+    `seen` is u, and `share` is E of a film along an eccentricity whose direction alone counts.
+    """
+    along = eccentricity / smooth.norm(eccentricity, 1e-15)
+    across, speed = along.perp(), smooth.norm(seen, _LEAST_SPEED)
+    cosine, sine = seen.dot(along) / speed, seen.dot(across) / speed
+    rest, turned = 1 - share**2, (share * sine) ** 2
+    root, inner = jnp.sqrt(rest), 1 - turned
+    swing = 2 * share * root * cosine
+    angle = jnp.pi + jnp.arctan2(swing, 1 - 2 * share**2 + turned)
+    bend = swing * (2 * sine**2 - 1 - turned) / inner**2
+    cosines = (share**2 + 0.5) * angle + 2 * swing / inner + bend / 2
+    cosines, sines = cosines / rest**2.5, (angle - bend) / (2 * rest**1.5)
+    mixed = 2 * share * sine**3 / inner**2
+    # About a pin in the middle, whose eccentricity has no direction, the first term alone is left.
+    return (
+        sines * seen
+        + ((cosines - sines) * seen.dot(along) + mixed * seen.dot(across)) * along
+        + mixed * seen.dot(along) * across
+    )
