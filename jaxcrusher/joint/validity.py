@@ -77,6 +77,23 @@ class RollerLoad(Printed):
         return [f"{load:.2f} of the static rating, {pressure:.2f} of its pressure"]
 
 
+class FilmThickness(Printed):
+    """A lubricating film against its limit: thinner than roughness, its surfaces touch."""
+
+    ratio: Scalar  # least thickness over that at which roughness takes over
+
+    @property
+    def inside(self) -> Bool[Array, "*batch"]:
+        """Thicker than the roughness at every instant."""
+        return self.ratio >= 1
+
+    def remarks(self) -> list[str]:
+        """Say that the film does not part the surfaces (concrete values only)."""
+        if bool(self.inside):
+            return []
+        return [f"of {float(self.ratio):.2f} least thicknesses: its surfaces touch"]
+
+
 def _within(ratio: Scalar | None, most: float) -> Bool[Array, "*batch"]:
     """Whether a ratio is small enough; one that is not known is not."""
     return jnp.asarray(False) if ratio is None else ratio <= most
@@ -91,8 +108,8 @@ class Validity(Printed):
     delivered_restitution: Scalar | None = None  # of the fastest impact, by the law's closed form
     asked_restitution: Scalar | None = None
     clearance_ratio: Scalar | None = None  # radial clearance over the bore radius
-    # Of further joints, by name, of a tension rod, of a free shaft and of rollers.
-    others: "Mapping[str, Validity | Tautness | Turning | RollerLoad]" = eqx.field(
+    # Of further joints, by name, of a tension rod, of a free shaft, of rollers and of films.
+    others: "Mapping[str, Validity | Tautness | Turning | RollerLoad | FilmThickness]" = eqx.field(
         default_factory=dict
     )
     # What would be needed to know the rest: names of statistics that were not asked for.

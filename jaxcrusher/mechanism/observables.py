@@ -11,7 +11,7 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.checks import require_own_process, require_positive
 from jaxcrusher.basics.plane import Vector, or_zero, plus
 from jaxcrusher.basics.smooth import norm
-from jaxcrusher.joint.clearance import AbstractBearing, Contact
+from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint, Contact
 from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
 from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, OfPart, Snapshot
 from jaxcrusher.mechanism.supports import OnSupports
@@ -309,6 +309,13 @@ def _rollers(scene: Scene, joint: str) -> RollerBearing:
     bearing = scene.joints[joint]
     assert isinstance(bearing, RollerBearing), f"no rollers at {joint}"
     return bearing
+
+
+def film_ratio(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+    """Return the film's thickness at a joint over the least one; negative in contact."""
+    bearing = scene.joints[joint]
+    assert isinstance(bearing, ClearanceJoint) and bearing.film is not None, f"dry at {joint}"
+    return -s.contacts.at(joint).penetration / bearing.film.least_thickness
 
 
 def roller_pressure(s: Snapshot, scene: Scene, joint: str) -> Scalar:

@@ -18,7 +18,7 @@ from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import Vector, or_zero, plus
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.rollers import STATIC_PRESSURE
-from jaxcrusher.joint.validity import RollerLoad, Turning
+from jaxcrusher.joint.validity import FilmThickness, RollerLoad, Turning
 from jaxcrusher.mechanism import observables as seen
 from jaxcrusher.mechanism.observables import (
     acceleration_width,
@@ -26,6 +26,7 @@ from jaxcrusher.mechanism.observables import (
     drive_power,
     drive_torque,
     fatigue,
+    film_ratio,
     force_at,
     force_width,
     frame_speed,
@@ -70,6 +71,7 @@ class Parts(NamedTuple):
     loose: tuple[str, ...]
     rubbing: tuple[str, ...] = ()
     rolling: tuple[str, ...] = ()
+    lubricated: tuple[str, ...] = ()
     slides: tuple[str, ...] = ()
     points: tuple[str, ...] = ()
     supports: bool = False
@@ -366,6 +368,11 @@ def asked_of(template: Template, parts: Parts) -> Asked:
             lambda pressure, load: RollerLoad(pressure / STATIC_PRESSURE, load),
             (f"{at.prefix}roller_pressure", f"{at.prefix}static_load_ratio"),
         )
+    for joint in parts.lubricated:
+        at, ratio = template.joint(joint), OfPart(film_ratio, joint)
+        meaning = f"thickness of the film at {at.title} over the least one, where it is thinnest"
+        usual[f"{at.prefix}film_ratio"] = Statistic("1", meaning, ratio, LEAST)
+        limits[f"{at.prefix}film"] = FilmThickness, (f"{at.prefix}film_ratio",)
     if parts.rests:
         meaning = f"least speed of a free {crank.words}, which friction does not hold at rest"
         usual[f"{speed}_least"] = Statistic("rad/s", meaning, crank_speed, LEAST)
@@ -390,6 +397,7 @@ LACKING: dict[str, Callable[[Parts], Parts]] = {
     "a clearance there": lambda parts: parts._replace(loose=parts.joints),
     "friction there": lambda parts: parts._replace(rubbing=parts.joints),
     "rollers there": lambda parts: parts._replace(rolling=parts.joints),
+    "a film there": lambda parts: parts._replace(lubricated=parts.joints),
     "supports": lambda parts: parts._replace(supports=True),
     "a spring": lambda parts: parts._replace(springs=True),
     "a crank that may rest": lambda parts: parts._replace(rests=True),

@@ -23,7 +23,7 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.plane import Vector, plus
 from jaxcrusher.basics.record import Printed
-from jaxcrusher.joint.clearance import AbstractBearing
+from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.acting import AbstractPush, Spring
 from jaxcrusher.mechanism.drives import AbstractDrive
@@ -150,6 +150,8 @@ class Scene(Printed):
         loose, linkage = dict(self.joints.items()), self.linkage
         rubbing = tuple(name for name, one in loose.items() if one.friction is not None)
         rolling = tuple(name for name, one in loose.items() if isinstance(one, RollerBearing))
+        sliding = {name: one for name, one in loose.items() if isinstance(one, ClearanceJoint)}
+        lubricated = tuple(name for name, one in sliding.items() if one.film is not None)
         # Friction, also of rollers, might hold a free crank.
         rests = bool(rubbing or rolling) and self.drive.initial() is not None
         return Parts(
@@ -157,6 +159,7 @@ class Scene(Printed):
             tuple(loose),
             rubbing,
             rolling,
+            lubricated,
             linkage.slides.names,
             tuple(dict.fromkeys((*linkage.bodies.names, *self.points.names))),
             self.supports is not None,
