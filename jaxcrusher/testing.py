@@ -127,7 +127,8 @@ def _check_bearing(bearing: AbstractBearing) -> None:
         stored = bearing.normal.elastic_force(touch.penetration) * touch.penetration_rate
         taken = touch.force.dot(rate) - first * one - second * other - stored
         friction = 0.0 if touch.friction_loss is None else touch.friction_loss
-        size = jnp.abs(stored) + jnp.abs(touch.normal_force) + jnp.abs(first) + jnp.abs(second)
+        pushed = jnp.abs(touch.force.x) + jnp.abs(touch.force.y)
+        size = jnp.abs(stored) + pushed + jnp.abs(first) + jnp.abs(second)
         moment = first + second - e.cross(touch.force)
         return jnp.stack([touch.normal_loss, taken - touch.normal_loss - friction, moment, size])
 

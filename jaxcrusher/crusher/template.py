@@ -136,7 +136,8 @@ CRUSHER = Template(
     outline=outline,
 )
 # A crusher all of whose joints are loose and rub, on supports, with a rod; the last has rollers.
-_EVERY = Parts(JOINTS, JOINTS, JOINTS, ("main",), supports=True, springs=True, rests=True)
+_ONE = ("main",)
+_EVERY = Parts(JOINTS, JOINTS, JOINTS, _ONE, _ONE, supports=True, springs=True, rests=True)
 # Name -> what it is of a crusher, for where no scene is at hand: a scene has those of its parts.
 OBSERVABLES: Mapping[str, Observable] = asked_of(CRUSHER, _EVERY).observables
 STATISTIC: Mapping[str, Statistic] = asked_of(CRUSHER, _EVERY).statistics

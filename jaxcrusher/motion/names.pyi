@@ -27,6 +27,7 @@ class StatisticNames:
     roller_pressure: Array
     static_load_ratio: Array
     bearing_life: Array
+    film_ratio: Array
     shaft_speed_least: Array
     foundation_smooth_peak: Array
     joint_peak: Array
