@@ -120,6 +120,8 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
         Concrete values only.
         """
+        if bool(self.success):
+            return ""
         return " ".join(filter(None, (words(RESULTS, self.result), self._run(), self.tried)))
 
     @property

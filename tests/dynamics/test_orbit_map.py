@@ -19,7 +19,9 @@ def test_cells_against_known_orbits():
     """As published for 10 000 turns and for single orbits; slopes as those of `periodic_orbit`."""
     axes = {"speed": [25.0, 27.0, 30.0], "clearance": [0.03e-3, 0.05e-3, 0.06e-3]}
     finished = []
-    found = orbit_map(PAPER, axes, slopes=SLOPES, progress=lambda *counts: finished.append(counts))
+    found = orbit_map(
+        PAPER, axes, slopes=SLOPES, nodes=96, progress=lambda *counts: finished.append(counts)
+    )
     assert found.success.all() and found.stable.all() and (found.failure == "").all()
     diagonal = np.diag(found.foundation_rms)
     np.testing.assert_allclose(diagonal, [18243.41119, 18524.1596, 19102.31571], atol=1e-4)
