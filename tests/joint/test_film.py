@@ -32,7 +32,8 @@ def test_a_steady_journal_has_ocvirks_load_and_attitude(share):
     assert np.hypot(along, across) == pytest.approx(size, rel=1e-9, abs=1e-12)
     if share:
         attitude = np.arctan2(across, -along)
-        assert np.tan(attitude) == pytest.approx(np.pi * np.sqrt(rest) / (4 * share), rel=1e-9)
+        # The least length and speed, of 1e-15, move the direction of 5e-11 m by some 1e-9.
+        assert np.tan(attitude) == pytest.approx(np.pi * np.sqrt(rest) / (4 * share), rel=4e-9)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.2, 0.8, 0.98])

@@ -40,6 +40,7 @@ OPENED = {
     ("rod.stiffness", "rod.preload"): {"rod.stiffness": 2e5, "rod.preload": 1e4},
     ("load_law=chamber",): {"load_law": "chamber"},
     ("contact_law=rollers",): {"contact_law": "rollers"},
+    ("film.viscosity",): {"film.viscosity": 0.05},
 }
 
 

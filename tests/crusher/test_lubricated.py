@@ -1,0 +1,63 @@
+"""A crusher whose main bearing has a film: orbits, runs, slopes, power, both formulations."""
+
+import jax
+import numpy as np
+import pytest
+
+import jaxcrusher as jc
+from jaxcrusher.testing import check_law
+
+THIN = {"speed": 30.0, "clearance": 6e-5, "film.viscosity": 0.02}
+
+
+def rms(viscosity):
+    return jc.periodic_orbit(jc.build_scene(THIN | {"film.viscosity": viscosity})).foundation_rms
+
+
+@pytest.mark.slow
+def test_the_orbit_is_what_a_run_settles_on():
+    """A film damps a disturbance to 0.04 in a turn, where a dry bearing needs 14 000 turns."""
+    scene = jc.build_scene(THIN)
+    orbit = jc.periodic_orbit(scene)
+    assert orbit.stable and orbit.largest_multiplier == pytest.approx(0.0403, abs=1e-4)
+    assert orbit.validity.inside and orbit.film_ratio == pytest.approx(12.913, abs=1e-3)
+    run = jc.statistics(scene, 6, 1)
+    # What 0.04^6 and the tolerance of the run leave.
+    assert float(run.foundation_rms) == pytest.approx(float(orbit.foundation_rms), rel=5e-9)
+    step = 1e-5
+    difference = (rms(0.02 + step) - rms(0.02 - step)) / (2 * step)
+    # Of central differences over a share of 5e-4.
+    assert float(jax.grad(rms)(0.02)) == pytest.approx(float(difference), rel=1e-6)
+
+
+@pytest.mark.slow
+def test_both_formulations_move_alike_and_keep_their_ledger():
+    forces = []
+    for formulation in ("eccentricity", "multiplier"):
+        scene = jc.build_scene(THIN | {"formulation": formulation, "start": "contact"})
+        outputs = ("foundation_force", "energy")
+        motion = jc.simulate(scene, np.linspace(0, 0.01, 6), outputs=outputs)
+        forces.append(motion.foundation_force)
+        assert motion.energy.friction_loss[-1] > 0
+        # Joules, of some 10 kJ.
+        assert np.max(np.abs(motion.energy.imbalance)) < 1e-9
+    # By the drift that the multipliers' tolerance allows.
+    np.testing.assert_allclose(*forces, rtol=2e-6)
+
+
+@pytest.mark.slow
+def test_the_law_runs_everywhere():
+    check_law(jc.build_scene(THIN).joints["main"])
+
+
+def test_a_film_needs_sliding_surfaces():
+    with pytest.raises(ValueError, match=r"`film\.viscosity` must not stand beside rollers"):
+        jc.build_scene(THIN | {"contact_law": "rollers"})
+    with pytest.raises(ValueError, match=r"must come with `film\.viscosity`"):
+        jc.build_scene({"film.width": 0.1})
+
+
+def test_a_thin_film_is_outside_the_model():
+    scene = jc.build_scene(THIN | {"film.least_thickness": 4e-5})
+    orbit = jc.periodic_orbit(scene, nodes=16)
+    assert not orbit.validity.inside and "its surfaces touch" in str(orbit.validity.remarks())
