@@ -35,6 +35,7 @@ _USUAL = {
     "N m/rad": ("N m/rad", "kN m/rad", "MN m/rad"),
     "N m s/rad": ("N m s/rad", "kN m s/rad", "MN m s/rad"),
     "Pa": ("Pa", "kPa", "MPa", "GPa", "N/mm2", "bar", "psi"),
+    "Pa s": ("Pa s", "mPa s", "cP"),
     "W": ("W", "kW", "MW", "hp", "PS"),
 }
 # Words that mean different units in different places, in any case and number -> what to write.

@@ -28,6 +28,7 @@ OTHER = {
     "N/m": ("kN/mm", 1e6),
     "N s/m": ("kN·s/m", 1e3),
     "Pa": ("GPa", 1e9),
+    "Pa s": ("mPa s", 1e-3),
     "W": ("kW", 1e3),
     "N m/rad": ("kN m/rad", 1e3),
     "N m s/rad": ("kN m s/rad", 1e3),
