@@ -3,7 +3,7 @@
 Designs are given as stacked cases, and a function makes the scene of one. Newton's method from the
 pin at rest is one program for all of them, which takes a millisecond a design. Where it leads to no
 orbit that is surely stable, the orbit is searched for as a lone one is
-(`jaxcrusher.dynamics.searches`). What has none then is tried from the orbits of neighbours.
+(`jaxcrusher.dynamics.searches`). What has none then is tried from stable orbits of neighbours.
 """
 
 import functools
@@ -93,8 +93,8 @@ def solve_orbits(
     - `cases`: free numbers (cases, n), and a tree of all others.
     - `effort`: as in `jaxcrusher.periodic_orbit`; with None nothing is searched for that the pin at
       rest does not lead to.
-    - `neighbours`: the cases beside one, the nearest first, from whose orbits it is tried where it
-      has none; None: from no other orbit.
+    - `neighbours`: the cases beside one, the nearest first, from whose stable orbits it is tried
+      where it has none; None: from no other orbit.
     - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
     - `journal`: of finished chunks.
     - `scheduler`: whose workers compute the chunks; None for this process.

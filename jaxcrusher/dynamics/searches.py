@@ -34,7 +34,7 @@ from jaxcrusher.orbits.transient import (
 SEARCHES = 256
 # What searches ask for: turns, their tolerance and the most steps of each, from section points.
 How = tuple[int, float, int | None]
-_Asked = tuple[How, list[tuple[Any, Scene]], Future[Any]]
+_Asked = tuple[How, list[tuple[Any, Scene]], Future[NextTurns]]
 
 
 class Gathered(Lone):
@@ -53,8 +53,8 @@ class Gathered(Lone):
         ends, _, outcome = self._asked((1, FINE, None), [(state, scene) for state in states])
         return ends[:, 0], int(np.sum(outcome.steps))
 
-    def _asked(self, how: How, cases: list[tuple[Any, Scene]]) -> Any:
-        future = Future[Any]()
+    def _asked(self, how: How, cases: list[tuple[Any, Scene]]) -> NextTurns:
+        future = Future[NextTurns]()
         self.events.put((how, cases, future))
         return future.result()
 

@@ -52,7 +52,7 @@ from jaxcrusher.periodic.multipliers import UNSURE
 from jaxcrusher.periodic.newton import Root, advanced, begun
 from jaxcrusher.periodic.trigonometric import resample
 
-# Distances in clearances from an unstable orbit, at which the orbit of twice the turns is shot for.
+# Distances in clearances from an unstable orbit, at which that of twice the turns is searched for.
 # Where |mu| is 1.0004 to 1.01 the first one leads there.
 BESIDE = (0.01, 0.003, 0.03, 0.1)
 # How near the orbit that is integrated once round comes to its beginning, in clearances and m/s.
@@ -233,7 +233,7 @@ class OrbitSearch(NamedTuple):
             yield self.by_shooting(state, turns)
 
     def doubled(self, orbit: PeriodicOrbit) -> Iterator[Try]:
-        """Yield shots from beside an unstable orbit until one leads to an orbit of twice its turns.
+        """Yield tries from beside an unstable orbit until one leads to an orbit of twice its turns.
 
         They start where the disturbance that changes sides leads.
         """

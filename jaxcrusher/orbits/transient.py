@@ -216,7 +216,10 @@ class Wait:
 
     @property
     def _begun(self) -> SceneAt:
-        """Return its pins at rest, once it is asked for: most orbits need no wait."""
+        """Return its pins at rest, once it is asked for: most orbits need no wait.
+
+        In Python 3.11 `functools.cached_property` would let one search wait for another's.
+        """
         if self._rested is None:
             self._rested = resting_start(self._own)
         return self._rested

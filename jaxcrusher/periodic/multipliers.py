@@ -132,7 +132,7 @@ def spread(one: Complex[Array, " n"], other: Complex[Array, " n"]) -> Scalar:
     return jnp.max(jnp.abs(sizes - others) / jnp.maximum(sizes, 1.0))
 
 
-@jax.jit
+@jax.jit  # one by one its operations take longer than a look at an orbit should
 def undecided(
     values: Complex[Array, "*batch n"], error: Float[Array, "*batch"]
 ) -> Bool[Array, "*batch"]:
@@ -140,7 +140,7 @@ def undecided(
     return ~(jnp.abs(largest(values) - 1) > error)
 
 
-@jax.jit
+@jax.jit  # likewise
 def largest(values: Complex[Array, "*batch n"]) -> Float[Array, "*batch"]:
     """Return the largest modulus of multipliers, zero of none."""
     return jnp.max(jnp.abs(values), axis=-1, initial=0.0)

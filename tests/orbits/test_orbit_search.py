@@ -453,7 +453,8 @@ def test_what_the_motion_does_beside_an_unstable_orbit_is_named():
     doubled = jc.periodic_orbit(scene, method="shooting", guess=near)
     assert doubled.success and not doubled.stable
     assert doubled.instability.startswith("Its largest multiplier is -2.008")
-    assert chaos in doubled.instability and doubled.failure == ""
+    assert f"{chaos} Its RMS is " in doubled.instability
+    assert doubled.instability.endswith(" turns.") and doubled.failure == ""
     orbit = jc.periodic_orbit(scene)
     assert not orbit.success and orbit.failure.startswith(chaos)
 
