@@ -156,7 +156,7 @@ class AnyLinkage:
         of, number = self.values, {name: i for i, name in enumerate(("frame", *self.bodies))}
         masses = [(of.get("foundation.mass", np.inf), of.get("foundation.inertia", np.inf))]
         masses += [tuple(of[f"bodies.{b}.{m}"] for m in ("mass", "inertia")) for b in self.bodies]
-        laws, arms = np.zeros((len(self.joints), 6)), []
+        laws, arms = np.zeros((len(self.joints), 8)), []
         for row, (name, bore, pin) in zip(laws, self.joints, strict=True):
             at = f"joints.{name}"
             arms.append((self._arm(f"{at}.bore", bore), self._arm(f"{at}.pin", pin)))

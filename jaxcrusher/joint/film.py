@@ -1,4 +1,4 @@
-"""A lubricating film between pin and bore: the short bearing under a dynamic load.
+"""A lubricating film between pin and bore under a dynamic load: short, or of finite length.
 
 With e the pin's centre from the bore's, c the radial clearance, and n the unit vector at an angle
 of the bore, the film is h = c - e.n thick. Seen by whoever turns with the mean spin
@@ -29,6 +29,24 @@ D = 1 - E^2 S^2,
     int sin^2 / (h / c)^3 = (A - G) / (2 q^(3/2))
     int sin cos / (h / c)^3 = 2 E S^3 / D^2.
 
+A bearing of finite length also leaks along the bore. Its film ruptures where pressure and slope
+vanish (Swift and Stieber), for which Childs, Moes and van Leeuwen (J. Lubrication Technology 99,
+1977) give a fit in closed form: with Q' = (1 - X) / (L / 2R)^2, where X and Y are E times the
+cosine and the sine of the angle from F to e,
+
+    F = 2 mu L (R / c)^3 |u| / (0.15 sqrt((1 + 2.12 Q')^2 + H^2) (1 - X)^(3/2)),
+    H = 3 Y (1 + 3.60 Q') / (4 (1 - X)).
+
+F turns away from u, towards e. With x and y as X and Y, but of the angle from e to u, r^2 = 1 - y^2
+and B = (1 - E^2) / (L / 2R)^2, by
+
+    asin y + (1 - x / r) (atan(3 y (1 + 3.60 B) / (4 r (1 + 2.12 B))) - asin y).
+
+Beside Reynolds' equation in two dimensions the fit is 11 % too weak to 7 % too strong up to an E of
+0.6, and up to 27 % too strong at 0.9; its direction is within 3 degrees. The short bearing with
+L / 2R = 1/4 is up to 9 % and 40 % too strong there, and with 1/2 up to 1.3 and 2.5 times
+(`benchmarks.film`).
+
 The shear of the surfaces past each other takes a moment T (spin of pin - spin of bore) with
 T = 2 pi mu R^3 L / (c sqrt(q)), as if the film filled the whole gap. Each surface carries half of
 what else action and reaction need, since pressure and thickness are those of both. The power that
@@ -42,7 +60,7 @@ import jax.numpy as jnp
 from jaxtyping import Scalar
 
 from jaxcrusher.basics import smooth
-from jaxcrusher.basics.plane import Vector, scalar
+from jaxcrusher.basics.plane import Vector, direction, scalar
 from jaxcrusher.basics.record import Printed
 from jaxcrusher.joint.normal import inverse
 
@@ -65,8 +83,8 @@ class Film(Printed):
     """A film of a liquid with constant viscosity, over the whole clearance circle.
 
     It grows no thinner than `least_thickness`, where roughness takes over: from there on it resists
-    as it does there, and the dry contact carries. It holds for widths of at most the radius; a
-    wider bearing leaks less than this says, and carries more.
+    as it does there, and the dry contact carries. This is a short bearing's, for widths of less
+    than half of the radius: a wider one also leaks along the bore, and carries less than this says.
     """
 
     viscosity: Scalar = eqx.field(converter=scalar)  # mu, Pa s
@@ -86,35 +104,49 @@ class Film(Printed):
         mean_spin, slip = (bearing_spin + journal_spin) / 2, journal_spin - bearing_spin
         seen = rate - mean_spin * eccentricity.perp()
         share = self._share(eccentricity, clearance)
-        scale = self.viscosity * bore_radius * self.width**3 / clearance**3
-        force = scale * resistance(eccentricity, share, seen)
+        force = self.resistance(eccentricity, share, seen, bore_radius, clearance)
         shear = 2 * jnp.pi * self.viscosity * bore_radius**3 * self.width
         shear = shear / (clearance * jnp.sqrt(1 - share**2)) * slip
         half = eccentricity.cross(force) / 2
         return FilmAction(force, half + shear, half - shear, force.dot(seen) + shear * slip)
+
+    def resistance(
+        self,
+        eccentricity: Vector,
+        share: Scalar,
+        seen: Vector,
+        bore_radius: Scalar,
+        clearance: Scalar,
+    ) -> Vector:
+        """Return the force (N) on the bearing of a pin that moves at `seen`, which is u, in m/s.
+
+        `share` is E of a film along an eccentricity whose direction alone counts.
+        """
+        scale = self.viscosity * bore_radius * self.width**3 / clearance**3
+        return scale * _short(eccentricity, share, seen)
 
     def resting(
         self, force: Vector, mean_spin: Scalar, bore_radius: Scalar, clearance: Scalar
     ) -> Vector:
         """Return the e (m) at which a pin that does not move carries a force (N) on the bearing.
 
-        Ocvirk's: with X = 2 F c^2 / (mu R L^3 w) its E solves E sqrt(16 E^2 + pi^2 q) / q^2 = X,
-        and it is ahead of the load by arctan(pi sqrt(q) / 4 E), as w turns. In v = E / q the left
-        side is pi v at first and 4 v^2 at last.
+        There u is -w E c across e. In v = E / (1 - E^2) a short bearing's force is a half of
+        mu R L^3 w / c^2 times pi v at first, and 4 v^2 at last.
         """
-        size, pace = smooth.norm(force, 1e-9), jnp.sqrt(mean_spin**2 + 1e-12)
-        scale = self.viscosity * bore_radius * self.width**3 / clearance**2 * pace
-        asked = 2 * size / scale
+        size, pace = smooth.norm(force, 1e-9), smooth.norm(Vector(mean_spin, 1e-6), 0.0)
+        along, drag = Vector(1.0, 0.0), jnp.where(mean_spin < 0, pace, -pace) * clearance
 
-        def carried(v: Scalar) -> Scalar:
-            share = _share_of(v)
-            return v / (1 - share**2) * _sides(share)
+        def carried(share: Scalar) -> Vector:
+            seen = Vector(0.0, drag * share)
+            return self.resistance(along, share, seen, bore_radius, clearance)
 
-        share = _share_of(inverse(carried, asked, asked / (jnp.pi + 2 * jnp.sqrt(asked))))
-        share = jnp.minimum(share, 1 - self.least_thickness / clearance)
-        along, across = 4 * share / _sides(share), jnp.pi * jnp.sqrt(1 - share**2) / _sides(share)
-        ahead = mean_spin / pace * across * force.perp()
-        return clearance * share / size * (along * force + ahead)
+        asked = 2 * size / (self.viscosity * bore_radius * self.width**3 / clearance**2 * pace)
+        guess = asked / (jnp.pi + 2 * jnp.sqrt(asked))
+        found = inverse(lambda v: smooth.norm(carried(_share_of(v)), 0.0), size, guess)
+        share = jnp.minimum(_share_of(found), 1 - self.least_thickness / clearance)
+        way = carried(share)
+        turned = way / smooth.norm(way, 0.0)  # by the angle from e to the force
+        return clearance * share / size * force.seen_from(turned)
 
     def _share(self, eccentricity: Vector, clearance: Scalar) -> Scalar:
         """Return |e| / c, no more than leaves the least thickness."""
@@ -128,16 +160,36 @@ def _share_of(v: Scalar) -> Scalar:
     return 2 * v / (1 + jnp.sqrt(1 + 4 * v**2))
 
 
-def _sides(share: Scalar) -> Scalar:
-    """Return sqrt(16 E^2 + pi^2 q)."""
-    return jnp.sqrt(16 * share**2 + jnp.pi**2 * (1 - share**2))
+class FiniteFilm(Film):
+    """A film of any width, by the fit of Childs, Moes and van Leeuwen (1977)."""
+
+    def resistance(
+        self,
+        eccentricity: Vector,
+        share: Scalar,
+        seen: Vector,
+        bore_radius: Scalar,
+        clearance: Scalar,
+    ) -> Vector:
+        """Return the force as `Film.resistance` does."""
+        slenderness = (self.width / (2 * bore_radius)) ** 2
+        along = share / smooth.norm(eccentricity, 1e-15) * eccentricity
+        speed = smooth.norm(seen, _LEAST_SPEED)
+        way = seen / speed
+        x, y, leak = along.dot(way), along.cross(way), (1 - share**2) / slenderness
+        own, root = jnp.arcsin(y), jnp.sqrt(1 - y**2)
+        bent = jnp.arctan2(3 * y * (1 + 3.6 * leak), 4 * root * (1 + 2.12 * leak))
+        way = direction(-own - (1 - x / root) * (bent - own)).along(way)
+        x, y = along.dot(way), along.cross(way)
+        leak, rest = (1 - x) / slenderness, 1 - x
+        side = 3 * y * (1 + 3.6 * leak) / (4 * rest)
+        fit = 0.15 * jnp.sqrt((1 + 2.12 * leak) ** 2 + side**2) * rest**1.5
+        scale = 2 * self.viscosity * self.width * (bore_radius / clearance) ** 3
+        return scale * speed / fit * way
 
 
-def resistance(eccentricity: Vector, share: Scalar, seen: Vector) -> Vector:
-    """Return int n (n.u) / (h / c)^3 dtheta over the half where the film carries.
-
-    `seen` is u, and `share` is E of a film along an eccentricity whose direction alone counts.
-    """
+def _short(eccentricity: Vector, share: Scalar, seen: Vector) -> Vector:
+    """Return int n (n.u) / (h / c)^3 dtheta over the half where the film carries."""
     along = eccentricity / smooth.norm(eccentricity, 1e-15)
     across, speed = along.perp(), smooth.norm(seen, _LEAST_SPEED)
     cosine, sine = seen.dot(along) / speed, seen.dot(across) / speed

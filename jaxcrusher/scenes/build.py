@@ -28,7 +28,6 @@ from jaxcrusher.crusher.loads import ByAngle, HalfSineStroke, closing_stroke_of,
 from jaxcrusher.crusher.machine import crusher_linkage, require_crusher, with_counterweight
 from jaxcrusher.crusher.template import CRUSHER
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
-from jaxcrusher.joint.film import Film
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import (
     ConstantImpactVelocity,
@@ -125,6 +124,9 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     load, foundation, rod = _fed(_load(v, linkage), v), foundation_of(v), _rod(v, linkage)
     loose = {} if v["joint"] == "ideal" else {"main": joint_of(v, "")}
     worn = {joint: joint_of(v, f"{joint}.") for joint in WORN_JOINTS if f"{joint}.clearance" in v}
+    for film in (f"{joint}.film.viscosity" for joint in WORN_JOINTS if joint not in worn):
+        gap = film.replace("film.viscosity", "clearance")
+        require(film not in v, film, f"come with `{gap}`", "alone")
     loose |= worn
     require_crusher(linkage, sum(joint.clearance for joint in loose.values()))
     warn_of_unusual(values)
@@ -382,7 +384,9 @@ def joint_of(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     stiffness, width, norm_width = _stiffness(
         v["bore_radius"], v["clearance"], v["young"], v["poisson"]
     )
-    film = _film(v)
+    film = None
+    if "film.viscosity" in v:
+        film = LAWS["film_law"][v["film_law"]](**_of(v, "film."))
     if law == "rollers":
         require(film is None, f"{prefix}film.viscosity", "not stand beside rollers", "given")
         return _roller_bearing(v, norm_width)
@@ -407,13 +411,6 @@ def joint_of(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     return ClearanceJoint(
         **place, normal=normal, friction=friction, norm_width=norm_width, film=film
     )
-
-
-def _film(values: Mapping[str, Any]) -> Film | None:
-    """Return the film of a joint, None where it is dry."""
-    if "film.viscosity" not in values:
-        return None
-    return Film(**_of(values, "film."))
 
 
 @jax.jit  # as above

@@ -60,6 +60,7 @@ from jaxcrusher.scenes.own_laws import is_own, law_numbers, require_one_law_each
 from jaxcrusher.scenes.parameters import (
     CHOICES,
     CHOICES_OF_A_JOINT,
+    FILM,
     LAWS,
     NUMBERS_OF_A_JOINT,
     PARAMETERS,
@@ -99,7 +100,7 @@ def _usual(name: str, *comes_with: str) -> Key:
     return Key(PARAMETERS[name], default=PARAMETERS[name].default, comes_with=comes_with)
 
 
-_LOOSE = ("clearance",)
+_LOOSE, _LUBRICATED = ("clearance",), ("film.viscosity",)
 _PLACE = Parameter(0.0, "m", "of a point in its body's axes", (-1e3, 1e3), 1.0)
 _DIRECTION = Parameter(0.0, "1", "of a direction", (-1e6, 1e6), 1.0)
 _FORCE = Parameter(0.0, "N", "of a force in the frame's axes", (-1e12, 1e12), 1e3)
@@ -119,10 +120,13 @@ SECTIONS: dict[str, dict[str, Key]] = {
         **{n: _usual(n, *_LOOSE) for n in NUMBERS_OF_A_JOINT[2:]},
         "static_speed": Key(Parameter(0.1, "m/s", "v0 of the friction law"), "", 0.1, _LOOSE),
         "full_speed": Key(Parameter(1.0, "m/s", "v1 of the friction law"), "", 1.0, _LOOSE),
-        **{n: Key(CHOICES[n], "", CHOICES[n][0], _LOOSE) for n in CHOICES_OF_A_JOINT},
+        **{
+            n: Key(CHOICES[n], "", CHOICES[n][0], _LUBRICATED if n == "film_law" else _LOOSE)
+            for n in CHOICES_OF_A_JOINT
+        },
         **{n: _usual(n, "contact_law=rollers") for n in PARAMETERS if n.startswith("rollers.")},
-        "film.viscosity": Key(PARAMETERS["film.viscosity"], default=None, comes_with=_LOOSE),
-        **{n: _usual(n, "film.viscosity") for n in ("film.width", "film.least_thickness")},
+        **{n: _usual(n, *_LUBRICATED) for n in FILM},
+        "film.viscosity": Key(FILM["film.viscosity"], default=None, comes_with=_LOOSE),
     },
     "slides": {
         "body": Key(None, "body"),

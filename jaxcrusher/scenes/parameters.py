@@ -33,6 +33,7 @@ from jaxcrusher.crusher.loads import (
     normal_to_jaw,
 )
 from jaxcrusher.crusher.machine import LETTERS
+from jaxcrusher.joint.film import Film, FiniteFilm
 from jaxcrusher.joint.friction import AmbrosioFriction, CentreSlip, SurfaceSlip
 from jaxcrusher.joint.normal import (
     ConstantImpactVelocity,
@@ -114,6 +115,8 @@ WORN_JOINTS = {
     "pivot": ("frame", "toggle"),
     "shaft_bearing": ("frame", "shaft"),
 }
+# Before the numbers of a joint, those of the main bearing first.
+PREFIXES = ("", *(f"{joint}." for joint in WORN_JOINTS))
 # Radii of their bores, m; judged.
 _BORES = {"elbow": 0.04, "pivot": 0.04, "shaft_bearing": 0.07}
 NUMBERS_OF_A_JOINT = (
@@ -213,13 +216,19 @@ _PARAMETERS |= {
     "rollers.dynamic_rating": Parameter(0.98e6, "N", "C of a bearing"),
 }
 
-# Of a film of oil or grease at A; a scene has these names only with the first of them. Defaults are
+# Of a film of oil or grease; a scene has these names only with the first of them. Defaults are
 # judged: a heavy mineral oil, warm (ISO VG 220 has 0.07 Pa s at 60 degrees Celsius), in a bearing
 # as wide as the chamber leaves room for, whose surfaces are ground.
-_PARAMETERS |= {
+FILM = {
     "film.viscosity": Parameter(0.07, "Pa s", "mu of the oil between pin and bore; none: dry"),
     "film.width": Parameter(0.1, "m", "length L of the film along the pin"),
     "film.least_thickness": Parameter(2e-6, "m", "at which roughness takes over"),
+}
+_PARAMETERS |= FILM
+_PARAMETERS |= {
+    f"{joint}.{name}": replace(number, meaning=f"{number.meaning}, at {LETTERS[joint]}")
+    for joint in WORN_JOINTS
+    for name, number in FILM.items()
 }
 
 # Of a shaft whose speed is uneven; a scene has these names only with the first of them.
@@ -301,6 +310,7 @@ _LAWS: dict[str, dict[str, Any]] = {
         "rollers": RollerBearing,
     },
     "friction_law": {"ambrosio": AmbrosioFriction},
+    "film_law": {"short": Film, "finite": FiniteFilm},
     "impact_law": {"constant": ConstantImpactVelocity, "tracked": TrackedImpactVelocity},
     "formulation": {"eccentricity": EccentricityFormulation, "multiplier": MultiplierFormulation},
 }
@@ -318,7 +328,7 @@ _CHOICES = {
 # written with rollers yet.
 CHOICES_OF_A_JOINT = {
     name: tuple(choice for choice in _CHOICES[name] if choice != "rollers")
-    for name in ("slip", "contact_law", "friction_law", "impact_law")
+    for name in ("slip", "contact_law", "friction_law", "impact_law", "film_law")
 }
 _CHOICES |= {
     f"{joint}.{name}": choices
@@ -362,7 +372,7 @@ _OPENERS: dict[str, tuple[str, ...]] = {
     "chamber.bed_exponent": ("load_law=chamber",),
     **{f"{joint}.": (f"{joint}.clearance",) for joint in WORN_JOINTS},
     "rollers.": ("contact_law=rollers",),
-    "film.": ("film.viscosity",),
+    **{at + name: (f"{at}film.viscosity",) for at in PREFIXES for name in (*FILM, "film_law")},
     "rod.": ("rod.stiffness", "rod.preload"),
     "foundation.": ("foundation.mass",),
     **{name: (name,) for name in ("foundation.rocking_stiffness", "foundation.rocking_damping")},

@@ -21,6 +21,7 @@ from jaxcrusher.scenes.parameters import (
     LAWS,
     NUMBERS,
     PAPER_CHAMBER,
+    PREFIXES,
     WORN_JOINTS,
     Parameter,
     complete,
@@ -59,6 +60,14 @@ RATIOS = (
             "judged: a toggle's seat is no bearing, and wears",
         )
         for joint in WORN_JOINTS
+    ),
+    *(
+        Ratio(
+            (f"{prefix}film.width", f"{prefix}bore_radius"),
+            (1e-3, 0.1, 3.0, 20.0),
+            "judged: plain bearings are half as wide as their diameter, to once and a half",
+        )
+        for prefix in PREFIXES
     ),
     Ratio(
         ("clearance", "shaft.eccentricity"),

@@ -18,6 +18,7 @@ from jaxcrusher.scenes.own_laws import check_described
 from jaxcrusher.scenes.parameters import (
     CHOICES,
     PARAMETERS,
+    PREFIXES,
     WORN_JOINTS,
     numbers_of,
     openers,
@@ -40,7 +41,7 @@ OPENED = {
     ("rod.stiffness", "rod.preload"): {"rod.stiffness": 2e5, "rod.preload": 1e4},
     ("load_law=chamber",): {"load_law": "chamber"},
     ("contact_law=rollers",): {"contact_law": "rollers"},
-    ("film.viscosity",): {"film.viscosity": 0.05},
+    **{(f"{at}film.viscosity",): {f"{at}film.viscosity": 0.05} for at in PREFIXES},
 }
 
 
