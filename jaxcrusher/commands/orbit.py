@@ -163,13 +163,16 @@ def summary(orbit: PeriodicOrbit) -> list[str]:
         settles = "it is not known whether the motion is stable"
     elif bool(orbit.stable):
         settles = f"settles in {float(orbit.settling_turns):.4g} turns"
-    return [
-        *lines,
-        f"multipliers {moduli} a period: {settles}",
-        *([orbit.instability] if orbit.instability else []),
-        f"least penetration {float(orbit.least_penetration):.4g} clearances",
-        orbit.validity.verdict(),
+    lines.append(f"multipliers {moduli} a period: {settles}")
+    lines += [orbit.instability] if orbit.instability else []
+    if np.isfinite(orbit.least_penetration):
+        lines.append(f"least penetration {float(orbit.least_penetration):.4g} clearances")
+    lines += [
+        f"thinnest film at {orbit.scene.template.joint(joint).title}: "
+        f"{float(orbit[f'{orbit.scene.prefix(joint)}film_ratio']):.4g} least thicknesses"
+        for joint in orbit.scene.lubricated
     ]
+    return [*lines, orbit.validity.verdict()]
 
 
 def table(

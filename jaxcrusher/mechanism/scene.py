@@ -146,12 +146,16 @@ class Scene(Printed):
         return dataclasses.replace(self, joints=joints)
 
     @property
+    def lubricated(self) -> tuple[str, ...]:
+        """The joints with a film, which pins need not touch."""
+        sliding = {n: one for n, one in self.joints.items() if isinstance(one, ClearanceJoint)}
+        return tuple(name for name, one in sliding.items() if one.film is not None)
+
+    @property
     def _parts(self) -> Parts:
         loose, linkage = dict(self.joints.items()), self.linkage
         rubbing = tuple(name for name, one in loose.items() if one.friction is not None)
         rolling = tuple(name for name, one in loose.items() if isinstance(one, RollerBearing))
-        sliding = {name: one for name, one in loose.items() if isinstance(one, ClearanceJoint)}
-        lubricated = tuple(name for name, one in sliding.items() if one.film is not None)
         # Friction, also of rollers, might hold a free crank.
         rests = bool(rubbing or rolling) and self.drive.initial() is not None
         return Parts(
@@ -159,7 +163,7 @@ class Scene(Printed):
             tuple(loose),
             rubbing,
             rolling,
-            lubricated,
+            self.lubricated,
             linkage.slides.names,
             tuple(dict.fromkeys((*linkage.bodies.names, *self.points.names))),
             self.supports is not None,

@@ -96,8 +96,8 @@ def swing_of(states: Float[Array, "turns dims"], scene: Scene) -> Scalar:
     """Return by how much a pin swings in its bore, RMS, in clearances: the most of loose joints.
 
     About the mean section point, or those of every second, third or fourth turn. It is zero where
-    a pin is off its bore, for what hits it swings in no bore and may be stationary, and for a scene
-    that is not written by eccentricity. Infinite for one turn.
+    a pin is off a dry bore, for what hits it swings in no bore and may be stationary, and for a
+    scene that is not written by eccentricity. Infinite for one turn.
     """
     pins = states[:, pins_of(scene)].reshape(len(states), -1, 2)
     if pins.size == 0:
@@ -116,5 +116,6 @@ def swing_of(states: Float[Array, "turns dims"], scene: Scene) -> Scalar:
         if len(pins) >= ENOUGH * period:
             other = spread(period)
             found = jnp.where(other < NARROWER * found, other, found)
-    touches = jnp.all(jnp.sum(pins**2, axis=2) > 1)
+    wet = jnp.array([name in scene.lubricated for name in scene.joints.names])
+    touches = jnp.all((jnp.sum(pins**2, axis=2) > 1) | wet)
     return jnp.max(jnp.where(touches, found, 0.0))

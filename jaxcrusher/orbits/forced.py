@@ -154,13 +154,22 @@ def snapshot(phase: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
     return scene.formulation.snapshot(phase / scene.drive.speed, state(x, rate, scene), scene)
 
 
+def dry(scene: Scene) -> tuple[int, ...]:
+    """Return which of the loose joints have no film: their pins lie in their bores, or fly."""
+    names = scene.joints.names
+    return tuple(i for i, name in enumerate(names) if name not in scene.lubricated)
+
+
 @eqx.filter_jit
-def least_penetrations(x: Float[Array, "nodes dims"]) -> Float[Array, " joints"]:
+def least_penetrations(
+    x: Float[Array, "nodes dims"], joints: tuple[int, ...] | None = None
+) -> Float[Array, " joints"]:
     """Return the least penetration of each joint over the period, in clearances.
 
-    Between the instants of a grid Newton's method goes on, so that it is smooth in the nodes.
+    Of all of them, or of some. Between the instants of a grid Newton's method goes on, so that it
+    is smooth in the nodes.
     """
-    pairs = pins(x)
+    pairs = pins(x) if joints is None else pins(x)[:, list(joints)]
     grid = resample(pairs, max(SAMPLES, 4 * len(x)))
 
     def least(pin: Float[Array, "nodes 2"], grid: Float[Array, "instants 2"]) -> Scalar:

@@ -88,7 +88,8 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
     steps: Array  # Newton's
     values: Mapping[str, Scalar]  # statistics
     error: Scalar  # estimated, of the RMS as a share of it
-    least_penetration: Scalar  # least delta / c at any joint: contact is kept if > 0
+    # Least delta / c at any dry joint: contact is kept if > 0. Infinite where none can be lost.
+    least_penetration: Scalar
     multipliers: Complex[Array, " n"]  # of a disturbance, in one period: 4 a loose joint
     multipliers_error: Scalar  # estimated, of their moduli; infinite where nothing is known of it
     # by what a motion that begins on the orbit misses its beginning after a period, in clearances

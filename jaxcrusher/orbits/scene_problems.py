@@ -11,7 +11,7 @@ from jaxcrusher.mechanism.reductions import Chosen
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.tangents import SLICES, Build, slices_apart
 from jaxcrusher.orbits import forced, shot
-from jaxcrusher.orbits.forced import least_penetrations
+from jaxcrusher.orbits.forced import dry, least_penetrations
 from jaxcrusher.orbits.result import WAYS, PeriodicOrbit
 from jaxcrusher.orbits.solving import described, of_nodes
 from jaxcrusher.periodic import newton
@@ -52,7 +52,7 @@ class SceneFlow(AbstractFlow):
     def monitors(
         self, p: Float[Array, " n"], state: Float[np.ndarray, " dims"], turns: int
     ) -> Float[np.ndarray, " joints"]:
-        """Return the least penetration of each joint, in clearances."""
+        """Return the least penetration of each dry joint, in clearances."""
         return np.asarray(shot.least_penetrations_from(self.build(p), state, turns))
 
 
@@ -63,14 +63,14 @@ def problem_of(
 
     It is by collocation if `nodal`, otherwise by shooting.
     """
-    watched = tuple(map(lost, scene(value).joints.names))
+    now = scene(value)
+    watched = tuple(lost(now.joints.names[i]) for i in dry(now))
     if not nodal:
         flow = SceneFlow(eqx.Partial(_made, scene=scene, shape=value.shape))
         return ShootingProblem(flow=flow, period=period, slices=SLICES, watched=watched)
     family = eqx.Partial(_family, scene=scene, period=period)
-    return CollocationProblem(
-        family=family, period=period, watched=watched, watch=least_penetrations
-    )
+    watch = eqx.Partial(least_penetrations, joints=dry(now))
+    return CollocationProblem(family=family, period=period, watched=watched, watch=watch)
 
 
 def orbit_of(branch: Branch, point: Point) -> PeriodicOrbit:

@@ -31,7 +31,7 @@ from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.state import pins_of
 from jaxcrusher.orbits.effort import Spent
-from jaxcrusher.orbits.forced import can_be_shot, pins, unknowns
+from jaxcrusher.orbits.forced import can_be_shot, dry, pins, unknowns
 from jaxcrusher.orbits.oscillation import NEAR, about_means, oscillation_about
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import ORBIT_RTOL, closed, described, integrated_multipliers
@@ -218,13 +218,17 @@ class OrbitSearch(NamedTuple):
         return None
 
     def by_shots(self, start: Array, turns: int, way: WAYS) -> Iterator[Try]:
-        """Yield the orbit near a section point: by nodes, or by shooting where it loses contact."""
+        """Yield the orbit near a section point: by nodes, or by shooting where it loses contact.
+
+        A film has no contact to lose.
+        """
         found = self.approached(start, turns)
         if found is None:
             return
         state = found.point
         path = np.asarray(self._followed(state, turns).path)
-        if np.all(np.linalg.norm(pins(path), axis=-1) > 1):
+        touching = pins(path)[:, list(dry(self.still))]
+        if np.all(np.linalg.norm(touching, axis=-1) > 1):
             nodes = self.by_nodes(jnp.asarray(path), turns, 2 * NODES).replaced(way=way)
             yield nodes
             if bool(nodes.orbit.success):

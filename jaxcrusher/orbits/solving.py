@@ -342,7 +342,7 @@ def kinematic(scene: Scene, period: int, outputs: Chosen) -> PeriodicOrbit:
         values,
         result=RESULTS.promote(newton.RESULTS.successful),
         error=error,
-        least_penetration=zero,
+        least_penetration=jnp.asarray(jnp.inf),
         multipliers=jnp.zeros(0),
         multipliers_error=zero,
         way=WAYS.sum,
@@ -379,9 +379,10 @@ def _statistics(
 
     values = {name: reduce(name) for name in statistics}
     error = jnp.abs(reduce(scene.leading, 2) / values[scene.leading] - 1)
-    names = [f"{scene.prefix(joint)}penetration_ratio" for joint in scene.joints.names]
+    joints = [scene.joints.names[i] for i in forced.dry(scene)]
+    names = [f"{scene.prefix(joint)}penetration_ratio" for joint in joints]
     depths = [jnp.min(_finer(samples[statistics[name].quantity])) for name in names]
-    least = jnp.min(jnp.stack(depths)) if depths else jnp.zeros(())
+    least = jnp.min(jnp.stack([*depths, jnp.asarray(jnp.inf)]))
     return values, jax.lax.stop_gradient(error), least
 
 

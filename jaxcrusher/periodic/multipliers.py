@@ -160,8 +160,10 @@ def _monodromies(
     )
     pushes = jnp.concatenate([jnp.zeros_like(pushes), pushes], axis=1)
     scale = units[:, None] / jnp.append(units, 1.0)[None]
+    halvings = _halvings(counts[1])
     if on_a_gpu():
-        coarse, fine = jnp.split(jax.vmap(_driven_step)(gauss, pushes[:, :, None]), counts[:1])
+        driven = eqx.Partial(_driven_step, halvings=halvings)
+        coarse, fine = jnp.split(jax.vmap(driven)(gauss, pushes[:, :, None]), counts[:1])
         return _product(coarse)[:-1] / scale, _product(fine)[:-1] / scale
 
     # Step by step, one number of steps after the other: XLA makes one kernel of the loop. Of all
@@ -171,7 +173,7 @@ def _monodromies(
         before, passed = products
         before = jnp.where(begins, passed, before)
         passed = jnp.where(begins, still, passed)
-        return (before, _step(*looks) @ (passed + push[:, None] * last)), None
+        return (before, _step(*looks, halvings) @ (passed + push[:, None] * last)), None
 
     size = 2 * dims
     still, last = jnp.eye(size, size + 1), np.eye(1, size + 1, size)
@@ -180,9 +182,11 @@ def _monodromies(
     return one / scale, other / scale
 
 
-def _driven_step(gauss: tuple[Array, ...], pushes: Float[Array, "m pushes"]) -> Array:
+def _driven_step(
+    gauss: tuple[Array, ...], pushes: Float[Array, "m pushes"], halvings: int
+) -> Array:
     """Return the matrix of a step that drives too, of a disturbance with ones behind it."""
-    step, (size, count) = _step(*gauss), pushes.shape
+    step, (size, count) = _step(*gauss, halvings), pushes.shape
     return jnp.block([[step, step @ pushes], [jnp.zeros((count, size)), jnp.eye(count)]])
 
 
@@ -211,15 +215,15 @@ def fundamental(
     scale = units[:, None] / jnp.append(units, jnp.ones(pushes.shape[2]))[None]
     pushes = period / steps * units[None, size // 2 :, None] * resample(pushes, steps)
     pushes = jnp.concatenate([jnp.zeros_like(pushes), pushes], axis=1)
-    still = jnp.eye(size, scale.shape[1])
+    still, halvings = jnp.eye(size, scale.shape[1]), _halvings(steps)
     if on_a_gpu():
-        matrices = jax.vmap(_driven_step)(gauss, pushes)
+        matrices = jax.vmap(eqx.Partial(_driven_step, halvings=halvings))(gauss, pushes)
         after = jax.lax.associative_scan(lambda one, other: other @ one, matrices)[:, :size]
         return jnp.concatenate([still[None], after[:-1]]) / scale[None], after[-1] / scale
 
     def pass_on(passed: Array, now: tuple) -> tuple[Array, Array]:
         looks, push = now
-        return _step(*looks) @ passed.at[:, size:].add(push), passed
+        return _step(*looks, halvings) @ passed.at[:, size:].add(push), passed
 
     last, before = jax.lax.scan(pass_on, still, (gauss, pushes))
     return before / scale[None], last / scale
@@ -248,35 +252,44 @@ def _looks(
     return units, tuple(jnp.concatenate([looked(n, 0.5 + off) for n in counts]) for off in points)
 
 
-def _step(early: Array, first: Array, late: Array) -> Array:
+def _halvings(steps: int) -> int:
+    """Return how often the exponent of a step is halved for its series, one product each.
+
+    More steps are asked for where it is large: a thin film makes it some hundreds.
+    """
+    return 2 + max(0, math.ceil(math.log2(steps / STEPS)))
+
+
+def _step(early: Array, first: Array, late: Array, halvings: int) -> Array:
     """Return what a step multiplies a disturbance by."""
     second = (late - early) / (2 * GAUSS)
     third = (late - 2 * first + early) / (2 * GAUSS**2)
     inner = _bracket(first, second)
     outer = -_bracket(first, 2 * third + inner) / 60
     bend = _bracket(-20 * first - third + inner, second + outer) / 240
-    return _exponential(first + third / 12 + bend)
+    return _exponential(first + third / 12 + bend, halvings)
 
 
 def _bracket(a: Array, b: Array) -> Array:
     return a @ b - b @ a
 
 
-def _exponential(matrix: Array) -> Array:
-    """Sum a series of degree 8 for a matrix whose norm is of order one, its argument halved twice.
+def _exponential(matrix: Array, halvings: int) -> Array:
+    """Sum a series of degree 8 for a matrix whose norm is of order one after some halvings.
 
     Grouped by powers of the cube (Paterson and Stockmeyer, SIAM J. Comput. 2, 1973).
     """
-    quarter, eye = matrix / 4, jnp.eye(len(matrix))
-    square = quarter @ quarter
-    cube = quarter @ square
+    part, eye = matrix / 2**halvings, jnp.eye(len(matrix))
+    square = part @ part
+    cube = part @ square
 
     def group(first: int) -> Array:
         one, two, three = (1 / math.factorial(first + k) for k in range(3))
-        return one * eye + two * quarter + three * square
+        return one * eye + two * part + three * square
 
     found = group(6)
     for first in (3, 0):
         found = group(first) + cube @ found
-    found = found @ found
-    return found @ found
+    for _ in range(halvings):
+        found = found @ found
+    return found

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxcrusher.periodic.collocation import collocate
-from jaxcrusher.periodic.multipliers import matrix_error, multipliers
+from jaxcrusher.periodic.multipliers import STEPS, matrix_error, multipliers
 from jaxcrusher.periodic.newton import RESULTS
 from jaxcrusher.periodic.system import System
 from jaxcrusher.periodic.trigonometric import differentiation, evaluate, nodes, resample
@@ -60,6 +60,17 @@ def test_what_dies_before_a_period_ends_has_known_multipliers(rate, left):
     found = multipliers(system, jnp.zeros((8, 1)))
     assert found.largest == pytest.approx(left, rel=0.5, abs=1e-300)
     assert found.error < 1e-50
+
+
+def test_a_damping_of_many_times_a_step_has_known_multipliers():
+    """As a thin film has: x'' = -k x' - x, of which the slow root is -1 / k and nearly alone."""
+    damping = 3e5
+    system = System(mathieu, jnp.asarray(2 * np.pi), jnp.array([1.0, 0.0, damping]))
+    found = multipliers(system, jnp.zeros((8, 1)), steps=64 * STEPS)
+    slow = 2 / (damping + np.sqrt(damping**2 - 4))
+    # 65 536 products, of which each moves the last digit.
+    assert float(1 - found.largest) == pytest.approx(2 * np.pi * slow, abs=1e-9)
+    assert found.error < 1e-9
 
 
 @pytest.mark.parametrize(
