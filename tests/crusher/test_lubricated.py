@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
+from benchmarks.peers.crusher_bodies import crusher
+from benchmarks.stability.free_orbits import by_free_bodies
+from jaxcrusher.scenes.parameters import complete
 from jaxcrusher.testing import check_law
 
 THIN = {"speed": 30.0, "clearance": 6e-5, "film.viscosity": 0.02}
@@ -50,11 +53,36 @@ def test_the_law_runs_everywhere():
     check_law(jc.build_scene(THIN).joints["main"])
 
 
+@pytest.mark.slow
+def test_free_bodies_with_a_quadrature_for_a_film_stay_on_the_orbit():
+    """Of films at A and O, by SciPy."""
+    at_o = {"clearance": 5e-5, "film.viscosity": 0.03, "film.width": 0.07}
+    values = complete(THIN | {f"shaft_bearing.{name}": value for name, value in at_o.items()})
+    orbit = jc.periodic_orbit(jc.build_scene(values))
+    assert orbit.stable and np.isinf(orbit.least_penetration)
+    state, rms = by_free_bodies(orbit, crusher(values))
+    # Clearances and m/s, and a share, of an integration at 1e-11 in positions of 1 m.
+    assert state < 1e-8 and rms < 1e-7
+
+
+@pytest.mark.slow
+def test_a_wide_film_of_finite_length_is_thinner():
+    """A film as wide as the diameter leaks along the bore, which the short bearing leaves out."""
+    wide = THIN | {"film.width": 0.26, "film.viscosity": 2e-3}
+    short, finite = (
+        jc.periodic_orbit(jc.build_scene(wide | {"film_law": law})) for law in ("short", "finite")
+    )
+    assert short.stable and finite.stable
+    assert finite.film_ratio < 0.9 * short.film_ratio
+
+
 def test_a_film_needs_sliding_surfaces():
     with pytest.raises(ValueError, match=r"`film\.viscosity` must not stand beside rollers"):
         jc.build_scene(THIN | {"contact_law": "rollers"})
     with pytest.raises(ValueError, match=r"must come with `film\.viscosity`"):
         jc.build_scene({"film.width": 0.1})
+    with pytest.raises(ValueError, match=r"must come with `elbow\.clearance`"):
+        jc.build_scene({"elbow.film.viscosity": 0.1})
 
 
 def test_a_thin_film_is_outside_the_model():
