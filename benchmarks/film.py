@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 
 import jaxcrusher as jc
@@ -29,7 +29,8 @@ def force_of(kind: type[Film], slenderness: float, share: float, turned: float) 
     """Return the force on the bore in mu L (R / c)^3 u, along and across the eccentricity."""
     film = kind(viscosity=1.0, width=2 * slenderness, least_thickness=1e-9)
     seen = Vector(np.cos(turned), np.sin(turned))
-    found = film.resistance(Vector(1.0, 0.0), jax.numpy.asarray(share), seen, 1.0, 1.0)
+    one = jnp.ones(())
+    found = film.resistance(Vector(one, 0 * one), share * one, seen, one, one)
     return complex(found.x, found.y) / (2 * slenderness)
 
 

@@ -26,18 +26,22 @@ def film_force(
     height, between = 1 - share * np.cos(theta), 1 - share * np.cos(theta + step / 2)
     flow = between**3 / step**2
     before = np.roll(flow, 1)
-    ring = sparse.diags([-(flow + before), flow[:-1], before[1:]], [0, 1, -1]).tolil()
-    ring[0, -1], ring[-1, 0] = before[0], flow[-1]
+    ring, i = np.diag(-(flow + before)), np.arange(points)
+    ring[i, (i + 1) % points], ring[i, i - 1] = flow, before
     # Its last row is the middle of the width.
-    across = sparse.diags([-2.0, 1.0, 1.0], [0, 1, -1], shape=(ROWS, ROWS)).tolil()
+    across = -2 * np.eye(ROWS) + np.eye(ROWS, k=1) + np.eye(ROWS, k=-1)
     across[-1, -2] = 2.0
-    across = across * (ROWS / slenderness) ** 2
-    matrix = sparse.kron(ring, sparse.eye(ROWS)) + sparse.kron(sparse.diags(height**3), across)
-    matrix, source = matrix.tocsr(), np.repeat(-12 * np.cos(theta - angle), ROWS)
+    across *= (ROWS / slenderness) ** 2
+    along, over = (
+        sparse.kron(*both) for both in ((ring, np.eye(ROWS)), (np.diag(height**3), across))
+    )
+    matrix, source = sparse.csr_matrix(along + over), np.repeat(-12 * np.cos(theta - angle), ROWS)
     carries = np.ones(source.size, bool)
     while True:
         pressure = np.zeros(source.size)
-        pressure[carries] = spsolve(matrix[carries][:, carries].tocsc(), source[carries])
+        pressure[carries] = np.asarray(
+            spsolve(matrix[carries][:, carries].tocsc(), source[carries])
+        )
         if not ruptures:
             break
         # Where the film carries, its pressure is positive; elsewhere more would flow in than out.

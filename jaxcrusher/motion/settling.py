@@ -116,6 +116,6 @@ def swing_of(states: Float[Array, "turns dims"], scene: Scene) -> Scalar:
         if len(pins) >= ENOUGH * period:
             other = spread(period)
             found = jnp.where(other < NARROWER * found, other, found)
-    wet = jnp.array([name in scene.lubricated for name in scene.joints.names])
-    touches = jnp.all((jnp.sum(pins**2, axis=2) > 1) | wet)
+    dry = [i for i, name in enumerate(scene.joints.names) if name not in scene.lubricated]
+    touches = jnp.all(jnp.sum(pins[:, dry] ** 2, axis=2) > 1)
     return jnp.max(jnp.where(touches, found, 0.0))

@@ -173,7 +173,7 @@ def _monodromies(
         before, passed = products
         before = jnp.where(begins, passed, before)
         passed = jnp.where(begins, still, passed)
-        return (before, _step(*looks, halvings) @ (passed + push[:, None] * last)), None
+        return (before, _step(*looks, halvings=halvings) @ (passed + push[:, None] * last)), None
 
     size = 2 * dims
     still, last = jnp.eye(size, size + 1), np.eye(1, size + 1, size)
@@ -186,7 +186,7 @@ def _driven_step(
     gauss: tuple[Array, ...], pushes: Float[Array, "m pushes"], halvings: int
 ) -> Array:
     """Return the matrix of a step that drives too, of a disturbance with ones behind it."""
-    step, (size, count) = _step(*gauss, halvings), pushes.shape
+    step, (size, count) = _step(*gauss, halvings=halvings), pushes.shape
     return jnp.block([[step, step @ pushes], [jnp.zeros((count, size)), jnp.eye(count)]])
 
 
@@ -223,7 +223,7 @@ def fundamental(
 
     def pass_on(passed: Array, now: tuple) -> tuple[Array, Array]:
         looks, push = now
-        return _step(*looks, halvings) @ passed.at[:, size:].add(push), passed
+        return _step(*looks, halvings=halvings) @ passed.at[:, size:].add(push), passed
 
     last, before = jax.lax.scan(pass_on, still, (gauss, pushes))
     return before / scale[None], last / scale
@@ -260,7 +260,7 @@ def _halvings(steps: int) -> int:
     return 2 + max(0, math.ceil(math.log2(steps / STEPS)))
 
 
-def _step(early: Array, first: Array, late: Array, halvings: int) -> Array:
+def _step(early: Array, first: Array, late: Array, *, halvings: int) -> Array:
     """Return what a step multiplies a disturbance by."""
     second = (late - early) / (2 * GAUSS)
     third = (late - 2 * first + early) / (2 * GAUSS**2)
