@@ -8,6 +8,7 @@ import abc
 import dataclasses
 
 import equinox as eqx
+import jax
 from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics import smooth
@@ -35,8 +36,16 @@ class Contact(Record):
     friction_force: Scalar | None = None  # F_t on the bearing along t, N
     friction_loss: Scalar | None = None  # power that friction and a film take, W
     surface_speed: Scalar | None = None  # bearing's material past the journal's, along t, m/s
+    slip_speed: Scalar | None = None  # of these two or of the centres, as friction sees it, m/s
     bearing_moment: Scalar | None = None  # on the bearing about its centre, N m
     journal_moment: Scalar | None = None  # on the journal about its centre, N m
+
+
+class Memory(Record):
+    """What the laws of a bearing remember along the motion; None: nothing."""
+
+    impact: Scalar | None  # of the impact velocity, m/s
+    friction: Scalar | None
 
 
 class AbstractBearing(Printed):
@@ -72,16 +81,24 @@ class AbstractBearing(Printed):
     def initial_memory(self) -> PyTree[Scalar] | None:
         """What the bearing remembers at the start of a motion, of order one; None: nothing.
 
-        It is part of the state. Here it is what the law's impact velocity remembers; a bearing
-        whose laws remember more returns a record of all, and its rate by `memory_rate`.
+        It is part of the state. Here it is what the impact velocity and the friction remember; a
+        bearing whose laws remember more returns a record of all, and its rate by `memory_rate`.
         """
-        return self.normal.impact_velocity.initial()
+        friction = None if self.friction is None else self.friction.initial()
+        found = Memory(self.normal.impact_velocity.initial(), friction)
+        return found if jax.tree.leaves(found) else None
 
     def memory_rate(self, contact: Contact, memory: PyTree[Scalar] | None) -> PyTree[Scalar] | None:
         """The time derivative of what the bearing remembers, per second."""
+        if memory is None:
+            return None
         depth, approach = contact.penetration, contact.penetration_rate
-        in_contact = self.normal.in_contact(depth)
-        return self.normal.impact_velocity.rate(memory, in_contact, depth, approach)
+        in_contact, friction = self.normal.in_contact(depth), None
+        impact = self.normal.impact_velocity.rate(memory.impact, in_contact, depth, approach)
+        if memory.friction is not None:
+            assert self.friction is not None and contact.slip_speed is not None
+            friction = self.friction.rate(memory.friction, in_contact, contact.slip_speed)
+        return Memory(impact, friction)
 
     def resting(self, force: Vector, mean_spin: Scalar) -> Vector:
         """Where a pin that hardly moves carries a force on the bearing: e in m, of N.
@@ -118,7 +135,7 @@ class ClearanceJoint(AbstractBearing):
         rate: Vector,
         bearing_spin: Scalar | float,
         journal_spin: Scalar | float,
-        memory: Scalar | None,
+        memory: Memory | None,
     ) -> Contact:
         """The contact of pin and bore; see `AbstractBearing.contact`."""
         touch = self._dry(eccentricity, rate, bearing_spin, journal_spin, memory)
@@ -146,7 +163,7 @@ class ClearanceJoint(AbstractBearing):
         rate: Vector,
         bearing_spin: Scalar | float,
         journal_spin: Scalar | float,
-        memory: Scalar | None,
+        memory: Memory | None,
     ) -> Contact:
         """Return what pin and bore do to each other where they touch.
 
@@ -156,7 +173,8 @@ class ClearanceJoint(AbstractBearing):
         normal = eccentricity / length
         penetration = length - self.clearance
         penetration_rate = rate.dot(normal)
-        normal_force = self.normal.force(penetration, penetration_rate, memory)
+        impact = None if memory is None else memory.impact
+        normal_force = self.normal.force(penetration, penetration_rate, impact)
         elastic = self.normal.elastic_force(penetration)
         touch = Contact(
             penetration=penetration,
@@ -173,13 +191,15 @@ class ClearanceJoint(AbstractBearing):
         centre_speed = -rate.dot(tangent)
         surface_speed = centre_speed + self.bore_radius * bearing_spin - journal_arm * journal_spin
         slip = self.friction.slip.speed(centre_speed, surface_speed)
-        friction_force = self.friction.force(normal_force, slip)
+        known = () if memory is None or memory.friction is None else (memory.friction,)
+        friction_force = self.friction.force(normal_force, slip, *known)
         return dataclasses.replace(
             touch,
             force=touch.force + friction_force * tangent,
             friction_force=friction_force,
             friction_loss=-friction_force * surface_speed,
             surface_speed=surface_speed,
+            slip_speed=slip,
             bearing_moment=self.bore_radius * friction_force,
             journal_moment=-journal_arm * friction_force,
         )

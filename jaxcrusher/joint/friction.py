@@ -1,6 +1,7 @@
 """Friction of the clearance joint, and the two readings of its slip speed.
 
-All laws are regularised: without slip there is no force, so that nothing sticks.
+All laws here are regularised: without slip there is no force, so that nothing sticks. That of
+`jaxcrusher.joint.bristles` has a state, and holds.
 """
 
 import abc
@@ -48,9 +49,21 @@ class SurfaceSlip(AbstractSlip):
 
 
 class AbstractFriction(Printed):
-    """A tangential force as a function of the normal force and a slip speed."""
+    """A tangential force as a function of the normal force and a slip speed.
+
+    A law that remembers something along the motion says so by `initial` and `rate`, and its force
+    takes the memory as a third argument.
+    """
 
     slip: eqx.AbstractVar[AbstractSlip]
+
+    def initial(self) -> Scalar | None:
+        """The memory at the start, of order one; None: nothing is remembered."""
+        return None
+
+    def rate(self, memory: Scalar, in_contact: Scalar, slip_speed: Scalar) -> Scalar:
+        """The time derivative of the memory, per second; `in_contact` is 1, or 0 in flight."""
+        raise NotImplementedError
 
     @abc.abstractmethod
     def force(self, normal_force: Scalar, slip_speed: Scalar) -> Scalar:

@@ -35,15 +35,27 @@ POLISHED = 3
 
 def refusal(scene: Scene) -> str:
     """Say what a scene must be for collocation and is not; nothing if it can be solved for."""
+    if why := unrepeatable(scene):
+        return why
+    if remembers(scene):
+        return "have bearings without a memory, but one remembers what nodes do not tell"
+    return ""
+
+
+def unrepeatable(scene: Scene) -> str:
+    """Say what a scene must be for an orbit and is not, be it by nodes or by shooting."""
     if not isinstance(scene.formulation, EccentricityFormulation):
         return "be written by eccentricity, but is written by multipliers"
     if scene.drive.initial() is not None:
         return "turn at a given speed, but its shaft is free: it repeats at a speed not given"
     if tracks(scene):
         return "have a constant impact velocity, but tracks it: in contact any value repeats itself"
-    if any(joint.initial_memory() is not None for joint in scene.joints.values):
-        return "have bearings without a memory, but one remembers what an orbit does not tell"
     return ""
+
+
+def remembers(scene: Scene) -> bool:
+    """Tell whether a bearing remembers something, as bristles do: the integrator alone knows it."""
+    return any(joint.initial_memory() is not None for joint in scene.joints.values)
 
 
 def tracks(scene: Scene) -> bool:
@@ -57,9 +69,15 @@ def unknowns(scene: Scene) -> int:
     return 2 * len(scene.joints) + (0 if scene.supports is None else 3)
 
 
+def states(scene: Scene) -> int:
+    """Count the numbers of a section point: unknowns, their rates, and what bearings remember."""
+    memories = [joint.initial_memory() for joint in scene.joints.values]
+    return 2 * unknowns(scene) + len(jax.tree.leaves(memories))
+
+
 def can_be_shot(scene: Scene, guess: Float[ArrayLike, " dims"]) -> bool:
-    """Whether a state of the scene is its unknowns and their rates, and a guess is one."""
-    return not refusal(scene) and np.shape(guess) == (2 * unknowns(scene),)
+    """Whether the scene has orbits, and a guess is a section point of it."""
+    return not unrepeatable(scene) and np.shape(guess) == (states(scene),)
 
 
 def _stacked(e: Named[Vector], frame: FrameState | None) -> Float[Array, " dims *nodes"]:

@@ -60,7 +60,8 @@ def periodic_orbit(
       the pin resting in its bore under the ideal joint's force. To shoot from, a neighbour or a
       section point, shape (states,); None is the mean of turns that are waited for.
     - `method`: "shooting" solves for the section point by the integrator alone, which an impact
-      does not disturb, also under `jax.jit`. None is by nodes, and further ways as told above.
+      does not disturb, also under `jax.jit`. None is by nodes, and further ways as told above; and
+      shooting where a bearing remembers something, as bristles do.
     - `effort`: "quick" takes 96 nodes alone, waits for 480 turns at most and does not shoot.
       "usual" tries all ways, cheap ones first, and ends after four million steps of the integrator
       (`jaxcrusher.orbits.effort`): an answer takes seconds, besides compilation, also where
@@ -117,10 +118,14 @@ def orbit_by(
     somehow = scene
     if is_known and forced.tracks(scene):
         somehow = held(scene, dict.fromkeys(scene.joints.names, jnp.ones(())))
-    if refused := forced.refusal(somehow):
+    if refused := forced.unrepeatable(somehow):
         raise ValueError(f"Argument `scene` must {refused}.")
     # Shooting that is asked for is not bounded, and nodes that are given wait for nothing.
     velocities, spent = None, Spent(effort if method is None else "thorough")
+    if forced.remembers(somehow):
+        must = "be None for a bearing that remembers, whose orbits are shot for"
+        require(nodes is None, "nodes", must, nodes)
+        method = "shooting"
     if forced.tracks(scene):
         velocities = settled_velocities(jax.lax.stop_gradient(scene.steady()), spent)
         if velocities is None:
@@ -164,7 +169,7 @@ def orbit_by(
 
 def _section(guess: ArrayLike, scene: Scene) -> Array:
     """Check a section point that is to be shot from."""
-    states, shape = (2 * forced.unknowns(scene),), np.shape(guess)  # pyright: ignore
+    states, shape = (forced.states(scene),), np.shape(guess)  # pyright: ignore
     required = f"be a PeriodicOrbit, or a section point of shape {states}"
     require(shape == states, "guess", required, f"of shape {shape}")
     return jnp.asarray(guess, dtype=float)

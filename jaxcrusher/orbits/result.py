@@ -295,11 +295,11 @@ def built(
 @eqx.filter_jit
 def missing(scene: Scene, period: int, result: RESULTS) -> PeriodicOrbit:
     """Return no orbit, for a reason: NaN in every number."""
-    nan, dims = jnp.asarray(jnp.nan), 2 * forced.unknowns(scene)
+    nan, dims = jnp.asarray(jnp.nan), forced.states(scene)
     return built(
         scene,
         period,
-        jnp.full((SAMPLES * period, dims // 2), jnp.nan),
+        jnp.full((SAMPLES * period, forced.unknowns(scene)), jnp.nan),
         jnp.full(dims, jnp.nan),
         dict.fromkeys(scene.statistics, nan),
         result=result,
