@@ -13,10 +13,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Scalar
+from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.basics.plane import Vector
+from jaxcrusher.joint.clearance import Memory
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation, EccentricityState, JointState
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.reductions import SAMPLES
@@ -50,12 +51,18 @@ def unrepeatable(scene: Scene) -> str:
         return "turn at a given speed, but its shaft is free: it repeats at a speed not given"
     if tracks(scene):
         return "have a constant impact velocity, but tracks it: in contact any value repeats itself"
+    if any(not isinstance(one, Memory | None) for one in _memories(scene)):
+        return "have bearings without a memory, but one remembers what an orbit does not tell"
     return ""
 
 
 def remembers(scene: Scene) -> bool:
-    """Tell whether a bearing remembers something, as bristles do: the integrator alone knows it."""
-    return any(joint.initial_memory() is not None for joint in scene.joints.values)
+    """Tell whether a law remembers something, as bristles do: the integrator alone knows it."""
+    return any(one is not None for one in _memories(scene))
+
+
+def _memories(scene: Scene) -> list[PyTree]:
+    return [joint.initial_memory() for joint in scene.joints.values]
 
 
 def tracks(scene: Scene) -> bool:
@@ -71,8 +78,7 @@ def unknowns(scene: Scene) -> int:
 
 def states(scene: Scene) -> int:
     """Count the numbers of a section point: unknowns, their rates, and what bearings remember."""
-    memories = [joint.initial_memory() for joint in scene.joints.values]
-    return 2 * unknowns(scene) + len(jax.tree.leaves(memories))
+    return 2 * unknowns(scene) + len(jax.tree.leaves(_memories(scene)))
 
 
 def can_be_shot(scene: Scene, guess: Float[ArrayLike, " dims"]) -> bool:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxcrusher.joint.clearance import Memory
 from jaxcrusher.joint.normal import ConstantImpactVelocity
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import Scene
@@ -44,10 +45,12 @@ def settled_velocities(scene: Scene, spent: Spent) -> dict[str, Array] | None:
         if all(bool(np.all(seen.values[name] >= ALL_THE_TIME)) for name in outputs):
             at = unflattened(state, scene)
             assert at is not None
-            return {
-                name: joint.normal.impact_velocity.value(at.parts.memories[name])
-                for name, joint in scene.joints.items()
-            }
+            found = {}
+            for name, joint in scene.joints.items():
+                memory = at.parts.memories[name]
+                impact = memory.impact if isinstance(memory, Memory) else None
+                found[name] = joint.normal.impact_velocity.value(impact)
+            return found
     return None
 
 

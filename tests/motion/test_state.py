@@ -100,7 +100,10 @@ def test_a_bearing_owns_its_memory():
     found, other = (jc.statistics(one, 0, 1, outputs=(RMS,), rtol=1e-11) for one in (scene, plain))
     places, pins = places_of(scene), pins_of(scene)
     assert found.state.shape == (7,) and pins.tolist() == [0, 1]
-    memory = {n: float(found.state[at]) for n, at in places.memories.at("main").items()}
+    memory = places.memories.at("main") | {
+        "velocity": places.memories.at("main")["velocity"].impact
+    }
+    memory = {n: float(found.state[at]) for n, at in memory.items()}
     # The ledger of a motion without that memory integrates the same powers. The memory weighs in
     # the error of a step: steps differ, and some dozen impacts make 1e4 times as much of 1e-11.
     times = np.array([0.0, 2 * np.pi / float(scene.drive.speed)])
