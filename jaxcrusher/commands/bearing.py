@@ -9,7 +9,7 @@ import xarray as xr
 from rich.console import Console
 from rich.table import Table
 
-from jaxcrusher.basics.checks import require_positive
+from jaxcrusher.basics.checks import require, require_positive
 from jaxcrusher.commands.machines import (
     bounds,
     read_axes,
@@ -33,7 +33,8 @@ from jaxcrusher.joint.rollers import (
 )
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
-from jaxcrusher.scenes.units import all_said, units_of
+from jaxcrusher.scenes.machine import Machine
+from jaxcrusher.scenes.units import all_said, quantity_in, units_of
 from jaxcrusher.sheets.bearing_sheet import (
     COLUMNS,
     NUMBERS,
@@ -43,9 +44,11 @@ from jaxcrusher.sheets.bearing_sheet import (
     outputs_of,
     shaking_rms,
 )
+from jaxcrusher.sheets.wear import PUBLISHED, Archard
 
 # Unit -> that of the screen, and how many of it the first is.
 SHOWN = {"N": ("kN", 1e-3), "Pa": ("GPa", 1e-9), "W": ("kW", 1e-3), "h": ("h", 1.0)}
+SHOWN |= {"m/h": ("mm in 1000 h", 1e6)}
 SAFETY, LIFE = 3.0, 20e3
 ADVICE = (
     f"Roller bearings under shocks are asked for a static safety of {SAFETY:g} or more, and "
@@ -57,6 +60,11 @@ def run(options: Bearing, console: Console) -> int:
     """Run, print, write; 1 if a run failed. ValueError for bad options."""
     require_positive("seconds", options.seconds, "s")
     require_turns(options.settle, options.turns)
+    wear, last = _archard(options.wear), 0.0
+    for hours in options.hours:
+        require(wear is not None, "hours", "come with --wear", "alone")
+        require(hours > last, "hours", "increase from 0", hours)
+        last = hours
     machine = read_machine(options.crusher)
     axes = read_axes(options.over, machine) if options.over else {}
     values, units = machine.values, machine.units | units_of(bounds(options.over))
@@ -65,7 +73,8 @@ def run(options: Bearing, console: Console) -> int:
         machine.replace(**design).unusual()
     scenes = [machine.scene(**design) for design in designs]
     first, *_ = bearings_of(scenes[0], options.joint)
-    numbers = {name: getattr(options, name) for name in ("settle", "turns", "seconds")}
+    names = "settle", "turns", "seconds", "wear", "hours"
+    numbers = {name: getattr(options, name) for name in names}
     settings = settings_of("bearing", machine, over=axes, joint=first, **numbers)
     folder = begin_beside(options.results.folder, settings, "bearing.csv")
 
@@ -75,7 +84,7 @@ def run(options: Bearing, console: Console) -> int:
         runs = []
         for title, scene in cases:
             with stages(console, title or "turns"):
-                seconds = options.seconds / (2 * len(cases))
+                seconds = options.seconds / (2 * len(cases) * (1 + len(options.hours)))
                 runs.append(
                     (title, run_turns(scene, outputs_of(scene, first), seconds=seconds, **how))
                 )
@@ -89,8 +98,22 @@ def run(options: Bearing, console: Console) -> int:
     if not by_place:
         return 1
     found = list(by_place.values())
-    status = int(len(found) < len(scenes))
-    kept = dataset(found, values, first)
+    status, now, before = int(len(found) < len(scenes)), by_place, 0.0
+    given = {place: designs[place] for place in now}
+    for hours in options.hours:
+        given = {
+            place: aged(machine, given[place], run, hours - before, first, wear)
+            for place, (_, run) in now.items()
+        }
+        cases = [
+            (", ".join(filter(None, (titles[place], f"{hours:g} h"))), machine.scene(**design))
+            for place, design in given.items()
+        ]
+        after, places = ended(cases), list(given)
+        now = {places[i]: one for i, one in after.items()}
+        status, before = max(status, int(len(now) < len(given))), hours
+        found += now.values()
+    kept = dataset(found, values, first, wear)
     write_dataset(folder / "bearing.csv", kept)
     for joint in kept.bearing.values:
         console.print(
@@ -104,7 +127,11 @@ def run(options: Bearing, console: Console) -> int:
         f"Turns: {turns}. ± is the standard error, of a peak the turns' scatter. {ADVICE}"
     )
     told = scenes[0].template.joint(first).title
-    for line in (*verdicts(kept, first, told), *clearances(found, first)):
+    for line in (
+        *verdicts(kept, first, told),
+        *clearances(found, first),
+        *([] if wear is None else changes(found[0][1], first, wear)),
+    ):
         console.print(line)
     if (lost := float(kept.impacts.sel(bearing=first)[0])) and np.isfinite(lost):
         place, (begun, _) = next(iter(by_place.items()))
@@ -120,6 +147,56 @@ def run(options: Bearing, console: Console) -> int:
             status = max(status, int(len(whole) < len(variants)))
     console.print(listed(folder, ["bearing.csv"]))
     return status
+
+
+def _archard(written: tuple[str, str] | None) -> Archard | None:
+    """Return what wears the surfaces, as it is written."""
+    if written is None:
+        return None
+    units = "m2/N", "m"
+    found = [quantity_in(unit, "wear", text) for unit, text in zip(units, written, strict=True)]
+    for value, unit in zip(found, units, strict=True):
+        require_positive("wear", value, unit)
+    return Archard(*found)
+
+
+def aged(
+    machine: Machine,
+    design: dict[str, Any],
+    run: Turns,
+    hours: float,
+    first: str,
+    wear: Archard | None,
+) -> dict[str, Any]:
+    """Return a design after some hours as in a run: clearances of sliding joints have grown."""
+    grown = dict(design)
+    for joint, numbers in bearing_sheet(run, first, wear).items():
+        if "wear" in numbers:
+            names = f"{joint}.clearance", f"joints.{joint}.clearance", "clearance"
+            name = next(name for name in names if name in machine.values)
+            grown[name] = float(run.scene.joints.at(joint).clearance) + hours * numbers["wear"][0]
+    return grown
+
+
+def changes(run: Turns, joint: str, wear: Archard) -> list[str]:
+    """Say when clearances have doubled by wear, and what that rests on."""
+    lines = []
+    for one, numbers in bearing_sheet(run, joint, wear).items():
+        if "wear" in numbers:
+            clearance = float(run.scene.joints.at(one).clearance)
+            title, hours = run.scene.template.joint(one).title, clearance / numbers["wear"][0]
+            lines.append(
+                f"The clearance of {1e3 * clearance:.3g} mm at {title} doubles in {hours:.2g} h at "
+                f"{wear.coefficient:g} m2/N."
+            )
+    if lines:
+        low, high = PUBLISHED
+        lines.append(
+            f"Published coefficients of steel on steel span {low:g} m2/N, well greased, to "
+            f"{high:g} m2/N, dry (Rabinowicz, from memory), and hours are as their inverse: "
+            "measure a clearance twice, and take the coefficient that it tells."
+        )
+    return lines
 
 
 def verdicts(kept: xr.Dataset, joint: str, title: str) -> list[str]:
@@ -161,9 +238,14 @@ def clearances(found: list[tuple[str, Turns]], joint: str) -> list[str]:
     return [*dict.fromkeys(lines), *([f"Classes of {SOURCE_OF_CLASSES}."] if lines else [])]
 
 
-def dataset(found: list[tuple[str, Turns]], values: dict[str, Any], joint: str) -> xr.Dataset:
+def dataset(
+    found: list[tuple[str, Turns]],
+    values: dict[str, Any],
+    joint: str,
+    wear: Archard | None = None,
+) -> xr.Dataset:
     """Return the numbers of each design and bearing, that of a joint first."""
-    sheets = [bearing_sheet(one, joint) for _, one in found]
+    sheets = [bearing_sheet(one, joint, wear) for _, one in found]
     joints = list(sheets[0])
     arrays = {}
     for name in NUMBERS:

@@ -257,6 +257,12 @@ class Bearing:
     """Turns that count, in steps of five."""
     joint: str | None = None
     """The joint to look at first: of a crusher main, of another linkage its only loose one."""
+    wear: tuple[str, str] | None = None
+    """Coefficient of wear and width of the bores, as in --wear "1e-14 m2/N" "400 mm": adds how fast
+    the clearances of sliding joints grow by Archard's law."""
+    hours: tuple[float, ...] = ()
+    """Hours of work after which each machine is run again, with clearances that have grown since
+    the run before."""
     seconds: float = 40.0
     """Time that all runs may take; the table says how many turns they had."""
     results: Results = field(default_factory=lambda: Results("bearing"))

@@ -117,7 +117,7 @@ def _winding(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     return touching / scene.drive.speed
 
 
-def _sliding_power(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+def sliding_power(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     """F_n times the slip of the surfaces, whatever slip the friction law reads: Archard's rate."""
     contact = s.contacts[joint]
     assert contact is not None and contact.surface_speed is not None, "nothing rubs there"
@@ -383,7 +383,7 @@ def asked_of(template: Template, parts: Parts) -> Asked:
         meaning = f"mean of dF/de at {at.title}"
         further[f"{at.prefix}bearing_stiffness"] = Statistic("N/m", meaning, now, PowerMean())
     for joint in parts.rubbing:
-        at, wear = template.joint(joint), OfPart(_sliding_power, joint)
+        at, wear = template.joint(joint), OfPart(sliding_power, joint)
         meaning = f"mean of F_n |surface slip| at {at.title}: wear"
         further[f"{at.prefix}sliding_power"] = Statistic("W", meaning, wear, PowerMean())
     further |= OF_SUPPORTS if parts.supports else {}

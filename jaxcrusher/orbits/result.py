@@ -25,12 +25,16 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
+from jaxcrusher.motion.simulation import simulate
 from jaxcrusher.motion.statistics import Statistics, limits_of
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits import forced
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.multipliers import largest, undecided
 from jaxcrusher.periodic.trigonometric import evaluate
+
+# Tolerance of the motion along an orbit that is shot for.
+FINE = 1e-9
 
 
 class RESULTS(newton.RESULTS):  # pyright: ignore
@@ -222,11 +226,14 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         """Return where the motion is at a phase (rad); it may be handed to a formulation.
 
         The phase is omega t, the shaft's angle at its mean speed, through all turns of the period.
-        Raises ValueError for a batch of orbits: `jax.vmap` takes many.
+        Raises ValueError for a batch of orbits: `jax.vmap` takes many; and for a bearing that
+        remembers something, whose state `section` tells.
         """
         require_own_process()
         require_one(self)
         require(self.eccentricity is not None, "scene", "have a clearance joint", "an ideal one")
+        must = "have bearings without a memory: see `PeriodicOrbit.section`"
+        require(not forced.remembers(self.scene), "scene", must, "with one")
         return _state(self, jnp.asarray(angle, dtype=float))
 
     def motion(
@@ -236,14 +243,17 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
 
         A phase is omega t, the shaft's angle at its mean speed, through all turns of the period.
 
-        None is all that the scene has. Raises ValueError for a name that its `observables`
-        lack, and for a batch of orbits.
+        None is all that the scene has. Where a bearing remembers something, the motion is
+        integrated from `section` on, up to phases that are known. Raises ValueError for a name that
+        its `observables` lack, and for a batch of orbits.
         """
         require_own_process()
         require_one(self)
         known = self.scene.observables
         outputs = tuple(known) if outputs is None else outputs
         self.scene.require_outputs(outputs, known)
+        if forced.remembers(self.scene):
+            return _integrated(self, angles, outputs)
         entries = tuple((name, known[name]) for name in outputs)
         return seen_along(self, jnp.asarray(angles, dtype=float), entries)
 
@@ -317,6 +327,20 @@ def _state(orbit: PeriodicOrbit, phase: Scalar) -> EccentricityState:
     place = phase / (2 * np.pi * orbit.period)
     rate = evaluate(orbit.eccentricity, place, 1) / orbit.period
     return forced.state(evaluate(orbit.eccentricity, place), rate, orbit.scene)
+
+
+def _integrated(
+    orbit: PeriodicOrbit, angles: Float[ArrayLike, " n"], outputs: tuple[str, ...]
+) -> dict[str, Array]:
+    """Return observables at phases (rad), of the motion that begins on the orbit's section."""
+    period = 2 * np.pi * orbit.period
+    # The end of a period is not its beginning, for whoever asks up to there.
+    phases = np.asarray(angles, float)
+    within = np.where(phases == period, period, phases % period)
+    places, order = np.unique(within, return_inverse=True)
+    times = places / orbit.scene.drive.speed
+    found = simulate(orbit.scene, times, outputs=outputs, state=orbit.section, rtol=FINE)
+    return {name: jnp.asarray(found[name])[order] for name in outputs}
 
 
 @eqx.filter_jit

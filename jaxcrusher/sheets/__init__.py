@@ -1,1 +1,1 @@
-"""Sheets of numbers from motions and orbits: loads, bearings, modes, severity, a rough feed."""
+"""Numbers from motions and orbits: loads, bearings, wear, modes, severity, a rough feed."""

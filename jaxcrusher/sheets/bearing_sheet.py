@@ -14,6 +14,7 @@ from jaxcrusher.mechanism.observables import (
     ring_speed,
     roller_pressure,
 )
+from jaxcrusher.mechanism.quantities import sliding_power
 from jaxcrusher.mechanism.reductions import (
     LARGEST,
     Chosen,
@@ -25,6 +26,7 @@ from jaxcrusher.mechanism.reductions import (
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import OfPart, Snapshot
 from jaxcrusher.motion.turns import Turns
+from jaxcrusher.sheets.wear import Archard
 
 # The most events of which none is seen with 16 %, as far off as a standard error: Gehrels,
 # Astrophys. J. 303 (1986) 336, table 1. No event in some turns tells nothing of their share of the
@@ -43,6 +45,7 @@ NUMBERS = {
     "impacts": Column("1", "impacts a turn"),
     "impact_speed": Column("m/s", "fastest impact"),
     "friction_power": Column("W", "power of friction"),
+    "wear": Column("m/h", "growth of the clearance by wear"),
 }
 SHAKING = Column("N", "RMS of the shaking force on the frame")
 COLUMNS = {
@@ -120,6 +123,9 @@ def outputs_of(scene: Scene, first: str | None = None) -> Chosen:
                 "approach": Statistic("m/s", "fastest approach", rate, LARGEST),
                 "friction": Statistic("W", "power of friction", friction, PowerMean()),
             }
+            if bearing.friction is not None:
+                rubbing = OfPart(sliding_power, joint)
+                of_joint["rubbing"] = Statistic("W", "mean of F_n |slip|", rubbing, PowerMean())
         if isinstance(bearing, RollerBearing):
             pressure = OfPart(roller_pressure, joint)
             of_joint["pressure"] = Statistic("Pa", "pressure", pressure, LARGEST)
@@ -144,14 +150,15 @@ def _count(pieces: np.ndarray) -> tuple[float, float]:
 
 
 def bearing_sheet(
-    turns: Turns, joint: str | None = None
+    turns: Turns, joint: str | None = None, wear: Archard | None = None
 ) -> dict[str, dict[str, tuple[float, float]]]:
     """Return the numbers of each bearing of a run, by joint and name, each with its scatter.
 
     The `turns` hold the `outputs_of` their scene and joint. Of a bearing of several side by side,
-    life, safety and pressure are those of one of them.
+    life, safety and pressure are those of one of them. Sliding surfaces have a `wear` with what
+    wears them.
     """
-    return {one: _of_joint(turns, one) for one in bearings_of(turns.scene, joint)}
+    return {one: _of_joint(turns, one, wear) for one in bearings_of(turns.scene, joint)}
 
 
 def shaking_rms(turns: Turns) -> tuple[float, float]:
@@ -160,7 +167,7 @@ def shaking_rms(turns: Turns) -> tuple[float, float]:
     return square**0.5, error / (2 * square**0.5)
 
 
-def _of_joint(turns: Turns, joint: str) -> dict[str, tuple[float, float]]:
+def _of_joint(turns: Turns, joint: str, wear: Archard | None) -> dict[str, tuple[float, float]]:
     def of(name: str) -> np.ndarray:
         return turns.values[f"{joint} {name}"]
 
@@ -194,4 +201,7 @@ def _of_joint(turns: Turns, joint: str) -> dict[str, tuple[float, float]]:
             "impact_speed": _peak(speeds) if speeds.any() else (0.0, np.nan),
             "friction_power": _mean(of("friction")),
         }
+        if wear is not None and bearing.friction is not None:
+            grown = wear.growth(of("rubbing"), float(bearing.bore_radius))
+            found["wear"] = _mean(HOUR * np.asarray(grown))
     return found
