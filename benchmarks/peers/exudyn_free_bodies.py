@@ -69,7 +69,9 @@ class Model:
                 continue
             parts.place(f"{joint} bore", bore)
             parts.place(f"{joint} pin", pin)
-            clearance, radius, stiffness, _, friction, _ = law
+            if law[6]:
+                raise ValueError(f"Argument `motion` must be dry, but has a film at {joint}.")
+            clearance, radius, stiffness, _, friction, _ = law[:6]
             names = (f"joints.{joint}.{name}" for name in ("restitution", "impact_velocity"))
             impact = (motion.values[name] for name in names)
             parts.contact(joint, pin, bore, (radius - clearance, radius), stiffness, *impact)
@@ -135,7 +137,7 @@ class Model:
 
     def _friction(self, joint: str, law, bore, pin) -> None:
         """Add friction's loads on both bodies; that on the pin is kept."""
-        clearance, radius, stiffness, damping, friction, of_centre = law
+        clearance, radius, stiffness, damping, friction, of_centre = law[:6]
 
         def rub(system) -> tuple[complex, float, float]:
             """Return the bore's force, and moments about the bore's and the pin's centre."""

@@ -97,8 +97,8 @@ class Film(Printed):
         rate: Vector,
         bearing_spin: Scalar | float,
         journal_spin: Scalar | float,
-        bore_radius: Scalar,
-        clearance: Scalar,
+        bore_radius: Scalar | float,
+        clearance: Scalar | float,
     ) -> FilmAction:
         """Return what the film does at e (m), e' (m/s) and the spins (rad/s)."""
         mean_spin, slip = (bearing_spin + journal_spin) / 2, journal_spin - bearing_spin
@@ -115,8 +115,8 @@ class Film(Printed):
         eccentricity: Vector,
         share: Scalar,
         seen: Vector,
-        bore_radius: Scalar,
-        clearance: Scalar,
+        bore_radius: Scalar | float,
+        clearance: Scalar | float,
     ) -> Vector:
         """Return the force (N) on the bearing of a pin that moves at `seen`, which is u, in m/s.
 
@@ -126,7 +126,11 @@ class Film(Printed):
         return scale * _short(eccentricity, share, seen)
 
     def resting(
-        self, force: Vector, mean_spin: Scalar, bore_radius: Scalar, clearance: Scalar
+        self,
+        force: Vector,
+        mean_spin: Scalar,
+        bore_radius: Scalar | float,
+        clearance: Scalar | float,
     ) -> Vector:
         """Return the e (m) at which a pin that does not move carries a force (N) on the bearing.
 
@@ -148,7 +152,7 @@ class Film(Printed):
         turned = way / smooth.norm(way, 0.0)  # by the angle from e to the force
         return clearance * share / size * force.seen_from(turned)
 
-    def _share(self, eccentricity: Vector, clearance: Scalar) -> Scalar:
+    def _share(self, eccentricity: Vector, clearance: Scalar | float) -> Scalar:
         """Return |e| / c, no more than leaves the least thickness."""
         thin = self.least_thickness / clearance
         length = smooth.norm(eccentricity / clearance, 1e-12)
@@ -168,8 +172,8 @@ class FiniteFilm(Film):
         eccentricity: Vector,
         share: Scalar,
         seen: Vector,
-        bore_radius: Scalar,
-        clearance: Scalar,
+        bore_radius: Scalar | float,
+        clearance: Scalar | float,
     ) -> Vector:
         """Return the force as `Film.resistance` does."""
         slenderness = (self.width / (2 * bore_radius)) ** 2

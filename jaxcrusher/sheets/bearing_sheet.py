@@ -202,6 +202,6 @@ def _of_joint(turns: Turns, joint: str, wear: Archard | None) -> dict[str, tuple
             "friction_power": _mean(of("friction")),
         }
         if wear is not None and bearing.friction is not None:
-            grown = wear.growth(of("rubbing"), float(bearing.bore_radius))
-            found["wear"] = _mean(HOUR * np.asarray(grown))
+            of_a_watt = float(wear.growth(1.0, float(bearing.bore_radius)))
+            found["wear"] = _mean(HOUR * of_a_watt * of("rubbing"))
     return found

@@ -124,9 +124,9 @@ def _over_sectors(
     def depths(power: Array, x: Array, y: Array, half: Array) -> Array:
         off = middles[:, None] - jnp.arctan2(y, x)[None]
         off = off - 2 * jnp.pi * jnp.round(off / (2 * jnp.pi))
-        half = jnp.maximum(half, 1e-9)  # in flight there is none
+        half = jnp.maximum(half, 1e-9)[None]  # in flight there is none
         share = _below((off + step / 2) / half) - _below((off - step / 2) / half)
-        return coefficient / (radius * step * width) * jnp.mean(share * power, axis=1)
+        return coefficient / (radius * step * width) * (share @ power) / len(power)
 
     power, x, y, u, v, half = seen.T
     return Wear(middles, depths(power, x, y, half), depths(power, u, v, half))

@@ -1,5 +1,6 @@
 """Friction with bristles against closed forms of presliding, breakaway, sliding and loss."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -20,6 +21,11 @@ LAW = LuGre(
 FORCE = 5e3  # normal, N
 
 
+def forces(speeds, bent, law=LAW):
+    """The friction of slips and deflections."""
+    return jax.vmap(lambda v, y: law.force(jnp.asarray(FORCE), v, y))(speeds, bent)
+
+
 def along(speed, times, law=LAW):
     """The bristles' deflection and the friction of a slip that is given over time."""
 
@@ -28,8 +34,8 @@ def along(speed, times, law=LAW):
 
     found = solve_ivp(rate, (times[0], times[-1]), [0.0], "LSODA", times, rtol=1e-9, atol=1e-12)
     bent = found.y[0]
-    force = law.force(FORCE, jnp.asarray([speed(time) for time in times]), jnp.asarray(bent))
-    return bent, np.asarray(force)
+    speeds = jnp.asarray([speed(time) for time in times])
+    return bent, np.asarray(forces(speeds, jnp.asarray(bent), law))
 
 
 @pytest.mark.parametrize("speed", [0.01, 0.05, -0.3])
@@ -40,7 +46,9 @@ def test_steady_sliding_is_stribecks_curve(speed):
     _, force = along(lambda time: speed, np.array([0.0, 40 * holds / (S0 * abs(speed))]))
     # Of 40 distances that bend a bristle, and LSODA's tolerance.
     assert force[-1] == pytest.approx(steady, rel=1e-6)
-    assert float(LAW.force(FORCE, jnp.asarray(speed))) == pytest.approx(steady, rel=1e-12)
+    assert float(LAW.force(jnp.asarray(FORCE), jnp.asarray(speed))) == pytest.approx(
+        steady, rel=1e-12
+    )
 
 
 def test_presliding_is_a_spring():
@@ -80,8 +88,8 @@ def test_bristles_give_back_no_more_than_they_keep(damping_speed, passive):
     random = np.random.default_rng(0)
     bent = jnp.asarray(random.uniform(-1.2 * MU, 1.2 * MU, 4000))
     slip = jnp.asarray(np.sign(random.normal(size=4000)) * 10.0 ** random.uniform(-5, 1, 4000))
-    kept = FORCE * bent * law.rate(bent, jnp.ones(()), slip) / S0
-    lost = -law.force(FORCE, slip, bent) * slip - kept
+    rates = jax.vmap(lambda y, v: law.rate(y, jnp.ones(()), v))(bent, slip)
+    lost = -forces(slip, bent, law) * slip - FORCE * bent * rates / S0
     scale = FORCE * MU * jnp.abs(slip)
     # Rounding of sums of terms as large as friction's own power.
     assert bool(jnp.all(lost >= -1e-12 * scale)) == passive

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from benchmarks.film import RAIMONDI_BOYD
+from benchmarks.film.tables import RAIMONDI_BOYD
 from benchmarks.peers.reynolds import film_force
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.joint.film import Film, FiniteFilm

@@ -140,3 +140,42 @@ def test_a_bore_without_classes_has_the_rest_of_the_sheet(said, bore):
     text = said(*KNOCK, ("clearance", "0.1 mm"), ("rollers.bore", bore))
     assert f"a play of 200 um in a bore of {bore} has no class for this bore" in text
     assert "impacts rest on what is assumed" in text and "bearing.csv" in text
+
+
+@pytest.mark.slow
+def test_a_seat_that_wears_is_run_again_with_the_clearance_that_it_has_by_then(tmp_path):
+    console, elbow = Console(record=True, width=160), "elbow.clearance"
+    seats = Crusher(overrides=(("joint", "ideal"), (elbow, "0.1 mm"), ("elbow.slip", "surface")))
+    options = Bearing(
+        seats,
+        settle=5,
+        turns=10,
+        joint="elbow",
+        wear=("1e-14 m2/N", "400 mm"),
+        hours=(1000.0, 4000.0),
+        results=Results("worn", tmp_path),
+    )
+    assert bearing.run(options, console) == 0
+    with (tmp_path / "worn" / "bearing.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if row["bearing"] == "elbow"]
+    assert [row["design"] for row in rows] == ["", "1000 h", "4000 h"]
+    grown = [float(row["wear [m/h]"]) for row in rows]
+    text = " ".join(console.export_text().split())
+    assert "growth of the clearance by wear, mm in 1000 h" in text
+    # Two digits of the hours after which the clearance has doubled.
+    hours = float(re.search(r"0\.1 mm at B doubles in (\S+) h", text)[1])
+    assert hours == pytest.approx(1e-4 / grown[0], rel=0.06)
+    assert "measure a clearance twice" in text
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ({"hours": (10.0,)}, "`hours` must come with --wear"),
+        ({"wear": ("1e-14", "400 mm")}, "`wear` must be"),
+        ({"wear": ("1e-14 m2/N", "400 mm"), "hours": (10.0, 5.0)}, "`hours` must increase from 0"),
+    ],
+)
+def test_bad_wear_is_refused(how, words, tmp_path):
+    with pytest.raises(ValueError, match=words):
+        bearing.run(Bearing(Crusher(), results=Results("none", tmp_path), **how), Console())

@@ -1,15 +1,13 @@
-"""`python -m benchmarks.film`: films of a bearing beside Reynolds' equation in two dimensions."""
+"""Films of a bearing beside Reynolds' equation in two dimensions, and published numbers."""
 
 from collections.abc import Iterator
 
 import jax.numpy as jnp
 import numpy as np
 
-import jaxcrusher as jc
 from benchmarks.pages import table
 from benchmarks.peers.reynolds import film_force
 from jaxcrusher.basics.plane import Vector
-from jaxcrusher.files.program import program
 from jaxcrusher.joint.film import Film, FiniteFilm
 
 # L / 2R -> |e| / c -> Sommerfeld's number and the attitude in degrees, of a steady journal in a
@@ -66,15 +64,10 @@ def any_rows() -> Iterator[list[str]]:
             yield cells
 
 
-def main() -> None:
-    """Print two tables: of steady journals, and of pins that move any way; half a minute."""
-    jc.set_up()
+def tables() -> Iterator[str]:
+    """Yield a table of steady journals, and one of pins that move any way."""
     names = ["published", "Reynolds", "finite", "short"]
     heads = [f"{name}: {of}" for name in names for of in ("S", "deg")]
-    print(table(["L / 2R", "E", *heads], steady_rows()))
+    yield table(["L / 2R", "E", *heads], steady_rows())
     heads = [f"{name}: {of}" for name in names[2:] for of in ("force / Reynolds", "deg off")]
-    print(table(["L / 2R", "E", *heads], any_rows()))
-
-
-if __name__ == "__main__":
-    program(main)
+    yield table(["L / 2R", "E", *heads], any_rows())

@@ -1,0 +1,1 @@
+"""A lubricating film beside Reynolds' equation."""
