@@ -47,8 +47,13 @@ from jaxcrusher.sheets.bearing_sheet import (
 from jaxcrusher.sheets.wear import PUBLISHED, Archard
 
 # Unit -> that of the screen, and how many of it the first is.
-SHOWN = {"N": ("kN", 1e-3), "Pa": ("GPa", 1e-9), "W": ("kW", 1e-3), "h": ("h", 1.0)}
-SHOWN |= {"m/h": ("mm in 1000 h", 1e6)}
+SHOWN = {
+    "N": ("kN", 1e-3),
+    "Pa": ("GPa", 1e-9),
+    "W": ("kW", 1e-3),
+    "h": ("h", 1.0),
+    "m/h": ("mm in 1000 h", 1e6),
+}
 SAFETY, LIFE = 3.0, 20e3
 ADVICE = (
     f"Roller bearings under shocks are asked for a static safety of {SAFETY:g} or more, and "
@@ -101,17 +106,17 @@ def run(options: Bearing, console: Console) -> int:
     status, now, before = int(len(found) < len(scenes)), by_place, 0.0
     given = {place: designs[place] for place in now}
     for hours in options.hours:
-        given = {
-            place: aged(machine, given[place], run, hours - before, first, wear)
-            for place, (_, run) in now.items()
-        }
-        cases = [
-            (", ".join(filter(None, (titles[place], f"{hours:g} h"))), machine.scene(**design))
-            for place, design in given.items()
-        ]
-        after, places = ended(cases), list(given)
+        cases: dict[int, tuple[str, Scene]] = {}
+        for place, (_, run) in now.items():
+            title = ", ".join(filter(None, (titles[place], f"{hours:g} h")))
+            given[place] = aged(machine, given[place], run, hours - before, first, wear)
+            try:
+                cases[place] = title, machine.scene(**given[place])
+            except ValueError as error:  # a worn clearance may be too wide for the links
+                console.print(f"FAILED, {title}: {error}", style="red")
+        after, places = ended(list(cases.values())), list(cases)
+        status, before = max(status, int(len(after) < len(now))), hours
         now = {places[i]: one for i, one in after.items()}
-        status, before = max(status, int(len(now) < len(given))), hours
         found += now.values()
     kept = dataset(found, values, first, wear)
     write_dataset(folder / "bearing.csv", kept)
