@@ -29,7 +29,7 @@ SHAFT_BORE = 0.07
 # For the others where a description has none; the numbers of `OF_A` are then those of A.
 DEFAULTS = {"bore_radius": 0.04, "friction": 0.1, "restitution": 0.9, "impact_velocity": 0.5}
 OF_A = ("young", "poisson", "slip")
-OF_A_FILM = ("film.viscosity", "film.width")
+FILM = ("film.viscosity", "film.width")
 # The only ones here.
 LAWS = {
     "contact_law": "lankarani_nikravesh",
@@ -98,7 +98,7 @@ def crusher(
                 usual["bore_radius"] = SHAFT_BORE
             law = {name: of.get(prefix + name, value) for name, value in usual.items()}
             law["clearance"] = of[prefix + "clearance"]
-            law |= {name: of[prefix + name] for name in OF_A_FILM if prefix + name in of}
+            law |= {name: of[prefix + name] for name in FILM if prefix + name in of}
             values |= {f"joints.{joint}.{name}": value for name, value in law.items()}
     # Toggle and jaw are two sides of a triangle, the elbow to the right of the third.
     third = bearing + crank

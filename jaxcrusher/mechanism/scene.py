@@ -152,6 +152,12 @@ class Scene(Printed):
         return tuple(name for name, one in sliding.items() if one.film is not None)
 
     @property
+    def dry(self) -> tuple[int, ...]:
+        """Which of the loose joints have no film: their pins lie in their bores, or fly."""
+        wet = self.lubricated
+        return tuple(i for i, name in enumerate(self.joints.names) if name not in wet)
+
+    @property
     def _parts(self) -> Parts:
         loose, linkage = dict(self.joints.items()), self.linkage
         rubbing = tuple(name for name, one in loose.items() if one.friction is not None)

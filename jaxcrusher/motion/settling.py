@@ -116,6 +116,5 @@ def swing_of(states: Float[Array, "turns dims"], scene: Scene) -> Scalar:
         if len(pins) >= ENOUGH * period:
             other = spread(period)
             found = jnp.where(other < NARROWER * found, other, found)
-    dry = [i for i, name in enumerate(scene.joints.names) if name not in scene.lubricated]
-    touches = jnp.all(jnp.sum(pins[:, dry] ** 2, axis=2) > 1)
+    touches = jnp.all(jnp.sum(pins[:, list(scene.dry)] ** 2, axis=2) > 1)
     return jnp.max(jnp.where(touches, found, 0.0))

@@ -178,12 +178,6 @@ def snapshot(phase: Scalar, x: Array, rate: Array, scene: Scene) -> Snapshot:
     return scene.formulation.snapshot(phase / scene.drive.speed, state(x, rate, scene), scene)
 
 
-def dry(scene: Scene) -> tuple[int, ...]:
-    """Return which of the loose joints have no film: their pins lie in their bores, or fly."""
-    names = scene.joints.names
-    return tuple(i for i, name in enumerate(names) if name not in scene.lubricated)
-
-
 @eqx.filter_jit
 def least_penetrations(
     x: Float[Array, "nodes dims"], joints: tuple[int, ...] | None = None

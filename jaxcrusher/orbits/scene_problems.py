@@ -11,7 +11,7 @@ from jaxcrusher.mechanism.reductions import Chosen
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.tangents import SLICES, Build, slices_apart
 from jaxcrusher.orbits import forced, shot
-from jaxcrusher.orbits.forced import dry, least_penetrations
+from jaxcrusher.orbits.forced import least_penetrations
 from jaxcrusher.orbits.result import WAYS, PeriodicOrbit
 from jaxcrusher.orbits.solving import described, of_nodes
 from jaxcrusher.periodic import newton
@@ -64,12 +64,12 @@ def problem_of(
     It is by collocation if `nodal`, otherwise by shooting.
     """
     now = scene(value)
-    watched = tuple(lost(now.joints.names[i]) for i in dry(now))
+    watched = tuple(lost(now.joints.names[i]) for i in now.dry)
     if not nodal:
         flow = SceneFlow(eqx.Partial(_made, scene=scene, shape=value.shape))
         return ShootingProblem(flow=flow, period=period, slices=SLICES, watched=watched)
     family = eqx.Partial(_family, scene=scene, period=period)
-    watch = eqx.Partial(least_penetrations, joints=dry(now))
+    watch = eqx.Partial(least_penetrations, joints=now.dry)
     return CollocationProblem(family=family, period=period, watched=watched, watch=watch)
 
 

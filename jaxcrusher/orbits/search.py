@@ -31,7 +31,7 @@ from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.state import pins_of
 from jaxcrusher.orbits.effort import Spent
-from jaxcrusher.orbits.forced import can_be_shot, dry, pins, remembers, unknowns
+from jaxcrusher.orbits.forced import can_be_shot, pins, remembers, unknowns
 from jaxcrusher.orbits.oscillation import NEAR, about_means, oscillation_about
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
 from jaxcrusher.orbits.shot import ORBIT_RTOL, closed, described, integrated_multipliers
@@ -227,7 +227,7 @@ class OrbitSearch(NamedTuple):
             return
         state = found.point
         path = np.asarray(self._followed(state, turns).path)
-        touching = pins(path)[:, list(dry(self.still))]
+        touching = pins(path)[:, list(self.still.dry)]
         if np.all(np.linalg.norm(touching, axis=-1) > 1) and not remembers(self.still):
             nodes = self.by_nodes(jnp.asarray(path), turns, 2 * NODES).replaced(way=way)
             yield nodes

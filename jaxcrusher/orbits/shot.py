@@ -14,7 +14,7 @@ from jaxcrusher.mechanism.reductions import Chosen, of_slices, samples_of
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.tangents import same, sloped_turn
-from jaxcrusher.orbits.forced import can_be_shot, coordinates_seen, dry, least_penetrations
+from jaxcrusher.orbits.forced import can_be_shot, coordinates_seen, least_penetrations
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
 from jaxcrusher.orbits.section_map import along, chained
 from jaxcrusher.periodic import newton
@@ -132,7 +132,7 @@ def _described(
         values,
         result=RESULTS.where(good, result, RESULTS.not_closed),
         error=jax.lax.stop_gradient(jnp.abs(apart)),
-        least_penetration=jnp.min(least_penetrations(path, dry(scene)), initial=jnp.inf),
+        least_penetration=jnp.min(least_penetrations(path, scene.dry), initial=jnp.inf),
         multipliers=eigenvalues(found.matrix, good),
         multipliers_error=found.error,
         way=WAYS.shooting,
@@ -157,7 +157,7 @@ def least_penetrations_from(
 ) -> Float[Array, " joints"]:
     """Return `jaxcrusher.orbits.forced.least_penetrations` of dry joints from a section point."""
     _, seen = along(scene, jnp.asarray(state), period, ORBIT_RTOL, PATH)
-    return least_penetrations(_path(seen), dry(scene))
+    return least_penetrations(_path(seen), scene.dry)
 
 
 def _path(seen: dict[str, PyTree[Array]]) -> Float[Array, "nodes dims"]:

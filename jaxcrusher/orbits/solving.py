@@ -379,7 +379,7 @@ def _statistics(
 
     values = {name: reduce(name) for name in statistics}
     error = jnp.abs(reduce(scene.leading, 2) / values[scene.leading] - 1)
-    joints = [scene.joints.names[i] for i in forced.dry(scene)]
+    joints = [scene.joints.names[i] for i in scene.dry]
     names = [f"{scene.prefix(joint)}penetration_ratio" for joint in joints]
     depths = [jnp.min(_finer(samples[statistics[name].quantity])) for name in names]
     least = jnp.min(jnp.stack([*depths, jnp.asarray(jnp.inf)]))

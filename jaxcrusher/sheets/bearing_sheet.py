@@ -14,7 +14,6 @@ from jaxcrusher.mechanism.observables import (
     ring_speed,
     roller_pressure,
 )
-from jaxcrusher.mechanism.quantities import sliding_power
 from jaxcrusher.mechanism.reductions import (
     LARGEST,
     Chosen,
@@ -124,8 +123,7 @@ def outputs_of(scene: Scene, first: str | None = None) -> Chosen:
                 "friction": Statistic("W", "power of friction", friction, PowerMean()),
             }
             if bearing.friction is not None:
-                rubbing = OfPart(sliding_power, joint)
-                of_joint["rubbing"] = Statistic("W", "mean of F_n |slip|", rubbing, PowerMean())
+                of_joint["rubbing"] = scene.statistics[scene.prefix(joint) + "sliding_power"]
         if isinstance(bearing, RollerBearing):
             pressure = OfPart(roller_pressure, joint)
             of_joint["pressure"] = Statistic("Pa", "pressure", pressure, LARGEST)

@@ -10,6 +10,7 @@ import jaxcrusher as jc
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.testing import check_law
+from tests.crusher.formulations import forces_by_both
 
 LAW = "jaxcrusher.joint.bristles:LuGre"
 # The shaft's own bearing is loose alone: its surfaces pass each other at 2 m/s.
@@ -67,17 +68,8 @@ def test_both_formulations_move_alike_and_lanes_too():
     speeds = {"speed": np.linspace(28.0, 32.0, 5)}
     lanes, turns = (map_all(end, speeds, engine=how) for how in (in_lanes, in_turn))
     np.testing.assert_allclose(lanes, turns, rtol=1e-7)
-    forces = []
-    for formulation in ("eccentricity", "multiplier"):
-        scene = jc.build_scene(OWN | {"formulation": formulation, "foundation.mass": 6e3})
-        outputs = ("foundation_force", "energy")
-        motion = jc.simulate(scene, np.linspace(0, 0.01, 6), outputs=outputs)
-        forces.append(motion.foundation_force)
-        assert motion.energy.friction_loss[-1] > 0
-        # Joules, of some 10 kJ.
-        assert np.max(np.abs(motion.energy.imbalance)) < 1e-9
     # By the drift that the multipliers' tolerance allows.
-    np.testing.assert_allclose(*forces, rtol=2e-5)
+    np.testing.assert_allclose(*forces_by_both(OWN | {"foundation.mass": 6e3}), rtol=2e-5)
 
 
 @pytest.mark.slow

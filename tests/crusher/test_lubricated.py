@@ -9,6 +9,7 @@ from benchmarks.peers.crusher_bodies import crusher
 from benchmarks.stability.free_orbits import by_free_bodies
 from jaxcrusher.scenes.parameters import complete
 from jaxcrusher.testing import check_law
+from tests.crusher.formulations import forces_by_both
 
 THIN = {"speed": 30.0, "clearance": 6e-5, "film.viscosity": 0.02}
 
@@ -35,17 +36,8 @@ def test_the_orbit_is_what_a_run_settles_on():
 
 @pytest.mark.slow
 def test_both_formulations_move_alike_and_keep_their_ledger():
-    forces = []
-    for formulation in ("eccentricity", "multiplier"):
-        scene = jc.build_scene(THIN | {"formulation": formulation, "start": "contact"})
-        outputs = ("foundation_force", "energy")
-        motion = jc.simulate(scene, np.linspace(0, 0.01, 6), outputs=outputs)
-        forces.append(motion.foundation_force)
-        assert motion.energy.friction_loss[-1] > 0
-        # Joules, of some 10 kJ.
-        assert np.max(np.abs(motion.energy.imbalance)) < 1e-9
     # By the drift that the multipliers' tolerance allows.
-    np.testing.assert_allclose(*forces, rtol=2e-6)
+    np.testing.assert_allclose(*forces_by_both(THIN | {"start": "contact"}), rtol=2e-6)
 
 
 @pytest.mark.slow
