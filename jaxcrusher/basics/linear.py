@@ -45,6 +45,22 @@ def solve_symmetric(lower: dict[tuple[int, int], Scalar], right: list) -> list[S
     return x
 
 
+def solve_dominant(rows: list[list[Scalar]], right: list[Scalar]) -> list[Scalar]:
+    """Solve A x = right by elimination without exchanging rows, for an A near the unit matrix."""
+    rows, x = [list(row) for row in rows], list(right)
+    size = len(x)
+    for k in range(size):
+        for i in range(k + 1, size):
+            factor = rows[i][k] / rows[k][k]
+            rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
+            x[i] = x[i] - factor * x[k]
+    for i in reversed(range(size)):
+        for k in range(i + 1, size):
+            x[i] = x[i] - rows[i][k] * x[k]
+        x[i] = x[i] / rows[i][i]
+    return x
+
+
 def solve_constrained(
     masses: list, rows: list[SparseRow], forces: list, right: list
 ) -> tuple[list[Scalar], list[Scalar]]:

@@ -39,6 +39,7 @@ class Contact(Record):
     slip_speed: Scalar | None = None  # of these two or of the centres, as friction sees it, m/s
     bearing_moment: Scalar | None = None  # on the bearing about its centre, N m
     journal_moment: Scalar | None = None  # on the journal about its centre, N m
+    corners: "tuple[Contact, ...]" = ()  # of which it is the sum, if it is one
 
 
 class Memory(Record):
@@ -48,16 +49,61 @@ class Memory(Record):
     friction: Scalar | None
 
 
-class AbstractBearing(Printed):
-    """A bearing body, a journal body, a radial clearance, and what they do to each other.
+class AbstractGap(Printed):
+    """A gap between two bodies, and what they do to each other where it closes.
 
-    `friction` is that of sliding surfaces, None without. `norm_width` (m) smooths |e| at e = 0.
+    `friction` is that of sliding surfaces, None without.
     """
 
-    bore_radius: eqx.AbstractVar[Scalar]  # R_i, m
     clearance: eqx.AbstractVar[Scalar]  # c, m
     normal: eqx.AbstractVar[AbstractNormalForce]
     friction: eqx.AbstractVar[AbstractFriction | None]
+
+    @abc.abstractmethod
+    def half_width_ratio(self, penetration: Scalar) -> Scalar:
+        """Hertz's half-width over the radius that it is narrow against."""
+
+    @abc.abstractmethod
+    def resting(self, force: Vector, mean_spin: Scalar) -> Vector:
+        """Where a body that hardly moves in the gap carries a force on the other: e in m, of N.
+
+        `mean_spin` is that of both bodies, rad/s.
+        """
+
+    def initial_memory(self) -> PyTree[Scalar] | None:
+        """What the gap remembers at the start of a motion, of order one; None: nothing.
+
+        It is part of the state. Here it is what the impact velocity and the friction remember; a
+        gap whose laws remember more returns a record of all, and its rate by `memory_rate`.
+        """
+        friction = None if self.friction is None else self.friction.initial()
+        found = Memory(self.normal.impact_velocity.initial(), friction)
+        return found if jax.tree.leaves(found) else None
+
+    def memory_rate(self, contact: Contact, memory: PyTree[Scalar] | None) -> PyTree[Scalar] | None:
+        """The time derivative of what the gap remembers, per second."""
+        if memory is None:
+            return None
+        depth, approach = contact.penetration, contact.penetration_rate
+        in_contact, friction = self.normal.in_contact(depth), None
+        impact = self.normal.impact_velocity.rate(memory.impact, in_contact, depth, approach)
+        if memory.friction is not None:
+            assert self.friction is not None and contact.slip_speed is not None
+            friction = self.friction.rate(memory.friction, in_contact, contact.slip_speed)
+        return Memory(impact, friction)
+
+    def elastic_energy(self, contact: Contact) -> Scalar:
+        """Energy stored in the contact, J."""
+        return self.normal.elastic_energy(contact.penetration)
+
+
+class AbstractBearing(AbstractGap):
+    """A bearing body, a journal body, a radial clearance, and what they do to each other.
+
+    `norm_width` (m) smooths |e| at e = 0.
+    """
+
+    bore_radius: eqx.AbstractVar[Scalar]  # R_i, m
     norm_width: eqx.AbstractVar[Scalar]  # m
 
     @abc.abstractmethod
@@ -74,32 +120,6 @@ class AbstractBearing(Printed):
         Spins in rad/s, counterclockwise; `memory` is what the bearing remembers.
         """
 
-    @abc.abstractmethod
-    def half_width_ratio(self, penetration: Scalar) -> Scalar:
-        """Hertz's half-width over the radius that it is narrow against."""
-
-    def initial_memory(self) -> PyTree[Scalar] | None:
-        """What the bearing remembers at the start of a motion, of order one; None: nothing.
-
-        It is part of the state. Here it is what the impact velocity and the friction remember; a
-        bearing whose laws remember more returns a record of all, and its rate by `memory_rate`.
-        """
-        friction = None if self.friction is None else self.friction.initial()
-        found = Memory(self.normal.impact_velocity.initial(), friction)
-        return found if jax.tree.leaves(found) else None
-
-    def memory_rate(self, contact: Contact, memory: PyTree[Scalar] | None) -> PyTree[Scalar] | None:
-        """The time derivative of what the bearing remembers, per second."""
-        if memory is None:
-            return None
-        depth, approach = contact.penetration, contact.penetration_rate
-        in_contact, friction = self.normal.in_contact(depth), None
-        impact = self.normal.impact_velocity.rate(memory.impact, in_contact, depth, approach)
-        if memory.friction is not None:
-            assert self.friction is not None and contact.slip_speed is not None
-            friction = self.friction.rate(memory.friction, in_contact, contact.slip_speed)
-        return Memory(impact, friction)
-
     def resting(self, force: Vector, mean_spin: Scalar) -> Vector:
         """Where a pin that hardly moves carries a force on the bearing: e in m, of N.
 
@@ -107,10 +127,6 @@ class AbstractBearing(Printed):
         """
         size = smooth.norm(force, 0.0)
         return (self.clearance + self.normal.penetration_under(size)) * (force / size)
-
-    def elastic_energy(self, contact: Contact) -> Scalar:
-        """Energy stored in the contact, J."""
-        return self.normal.elastic_energy(contact.penetration)
 
 
 class ClearanceJoint(AbstractBearing):

@@ -9,7 +9,7 @@ from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.record import Record
-from jaxcrusher.joint.clearance import AbstractBearing, Contact
+from jaxcrusher.joint.clearance import AbstractGap, Contact
 from jaxcrusher.mechanism.drives import CrankState
 from jaxcrusher.mechanism.equations import solve
 from jaxcrusher.mechanism.motion import moving
@@ -61,7 +61,7 @@ class EccentricityFormulation(AbstractFormulation):
     def initial(self, scene: Scene) -> EccentricityState:
         """Return what the scene's start says, with crank and frame at theirs."""
 
-        def one(joint: AbstractBearing, e: Vector, rate: Vector) -> JointState:
+        def one(joint: AbstractGap, e: Vector, rate: Vector) -> JointState:
             return JointState(e / joint.clearance, rate, joint.initial_memory())
 
         joints = scene.joints.map(one, *start_of(scene).eccentricities(scene))
@@ -81,9 +81,7 @@ class EccentricityFormulation(AbstractFormulation):
         """Return e' and e'', and the rates of crank and frame."""
         found = snapshot.accelerations
 
-        def one(
-            joint: AbstractBearing, at: JointState, contact: Contact, second: Vector
-        ) -> JointState:
+        def one(joint: AbstractGap, at: JointState, contact: Contact, second: Vector) -> JointState:
             memory = joint.memory_rate(contact, at.memory)
             return JointState(at.rate / joint.clearance, second, memory)
 

@@ -27,7 +27,7 @@ from jaxcrusher.basics.linear import solve_symmetric
 from jaxcrusher.basics.plane import Arm, Vector, arm_to, minus, or_zero, plus, total
 from jaxcrusher.basics.record import Record
 from jaxcrusher.joint.clearance import Contact
-from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point
+from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME, Tree, forest
@@ -71,7 +71,7 @@ class Forces(NamedTuple):
         found = [Wrench(name, one.mass * self.gravity) for name, one in bodies.items()]
         found += self.wrenches
         for name, contact in self.contacts.items():
-            joint = motion.linkage.joints.at(name)
+            joint = motion.ends(name)
             found += _pair(motion, joint, contact.force, self.frame)
             found += [
                 Wrench(joint.bore.body, None, contact.bearing_moment),
@@ -88,6 +88,15 @@ class Guiding(Record):
 
     force: Scalar  # to the left of the slide's direction, N
     moment: Scalar  # about the slider's origin, N m
+    friction: Scalar | None = None  # ahead, N; None: none
+    feedback: Scalar | None = None  # share of it that it brings about itself; it jams at one
+
+
+def guiding(slide: Slide, contact: Contact) -> Guiding:
+    """Return what a slider does to a guide with a gap."""
+    assert contact.bearing_moment is not None, "a guide tells its moment"
+    ahead = None if contact.friction_force is None else slide.direction.dot(contact.force)
+    return Guiding(slide.direction.cross(contact.force), contact.bearing_moment, ahead)
 
 
 class Accelerations(Record):
@@ -134,7 +143,16 @@ class _Ways:
         linkage, frame, driven = motion.linkage, forces.frame, forces.torque is None
         self.motion, self.frame, self.curvatures = motion, frame, curvatures
         self.bodies = forces.bodies(linkage)
-        self.slides = {slide.body: name for name, slide in linkage.slides.items()}
+        slides = {n: one for n, one in linkage.slides.items() if n not in forces.contacts}
+        self.slides = {slide.body: name for name, slide in slides.items()}
+        # What turns past the frame by a spin that is known.
+        self.spin_ups = {
+            one.body: curvatures.at(name).y / one.half_length
+            for name, one in slides.items()
+            if name in curvatures
+        }
+        if driven and motion.crank.acceleration is not None:
+            self.spin_ups[linkage.crank] = motion.crank.acceleration
         # Sliders turn with the frame. So does a driven crank, and past it by a spin that is known.
         self.turning_with = {body: body for body in self.bodies}
         for body in (*self.slides, *([linkage.crank] if driven else [])):
@@ -191,20 +209,20 @@ class _Ways:
 
     def known(self, way: _Way) -> Vector | None:
         """Return the acceleration of a way's end past its root, of spins that do not change."""
-        crank, found = self.motion.crank, []
+        found = []
         for body, arm in way.arms.items():
             spin = plus(self.motion.spin(body), None if self.frame is None else self.frame.spin)
             if spin is not None:
                 found.append(-(spin**2) * arm)
-            known = crank.acceleration if body == self.motion.linkage.crank else None
-            if known is not None and self.turning_with.get(body) != body:
-                found.append(known * arm.perp())
+            if body in self.spin_ups:
+                found.append(self.spin_ups[body] * arm.perp())
         for joint, sign in way.steps.items():
-            curvature = self.curvatures[joint]
+            curvature, slide = self.curvatures[joint], self.motion.linkage.slides[joint]
             if curvature is not None:
-                found.append(sign * curvature)
-            elif self.frame is not None:  # a slide, which turns with the frame
-                rate = self.motion.velocity(self.motion.linkage.slides.at(joint).ends.pin)
+                parted = curvature if slide is None else curvature.x * slide.direction.perp()
+                found.append(sign * parted)
+            if slide is not None and self.frame is not None:  # which turns with the frame
+                rate = self.motion.velocity(slide.ends.pin)
                 found.append(sign * 2 * self.frame.spin * rate.perp())
         return total(found)
 
@@ -212,7 +230,8 @@ class _Ways:
 def solve(motion: Motion, acting: Forces, curvatures: Named[Vector] | None = None) -> Accelerations:
     """Return the accelerations of a motion, and the forces that hold its joints.
 
-    `curvatures` are e'' (m/s2) of joints that are not loose and have an eccentricity all the same.
+    `curvatures` are e'' (m/s2) of joints that are not loose and have an eccentricity all the same,
+    and those of slides.
     """
     linkage, curvatures = motion.linkage, Named() if curvatures is None else curvatures
     contacts, torque, frame = acting.contacts, acting.torque, acting.frame
@@ -236,15 +255,24 @@ def solve(motion: Motion, acting: Forces, curvatures: Named[Vector] | None = Non
     centres = {name: or_zero(acceleration(name, ways.to_centre(name))) for name in ways.bodies}
     turned = {name: jnp.zeros_like(motion.crank.speed) for name in ways.slides}
     turned |= {name: speed_ups[other] for name, other in ways.turning_with.items()}
-    if torque is None:
-        known, carried = motion.crank.acceleration, turned.get(linkage.crank)
-        known = jnp.zeros_like(motion.crank.speed) if known is None else known
-        turned[linkage.crank] = known if carried is None else carried + known
+    if torque is None and linkage.crank not in turned:
+        turned[linkage.crank] = jnp.zeros_like(motion.crank.speed)
+    turned |= {body: turned[body] + known for body, known in ways.spin_ups.items()}
     second = {}
     for name in contacts.names:
-        pin, bore = linkage.joints.at(name).pin, linkage.joints.at(name).bore
+        pin, bore = motion.ends(name).pin, motion.ends(name).bore
         ends = [acceleration(point.body, ways.to_end(point)) for point in (pin, bore)]
-        second[name] = _past(frame, motion, name, or_zero(minus(*ends)), turned.get(FRAME))
+        parted = or_zero(minus(*ends))
+        slide, swung = linkage.slides[name], turned.get(FRAME)
+        if slide is None:
+            e, rate = motion.eccentricities.at(name), motion.rates.at(name)
+            second[name] = _past(frame, e, rate, parted, swung)
+            continue
+        # Past the point of the frame where the slider is, which lies at its origin.
+        still = Vector(0.0, 0.0)
+        parted = _past(frame, still, motion.velocity(slide.ends.pin), parted, swung)
+        tilting = turned[slide.body] if swung is None else turned[slide.body] - swung
+        second[name] = Vector(slide.direction.cross(parted), slide.half_length * tilting)
 
     for name, force in closed.items():
         sums = _sums(_pair(motion, linkage.joints.at(name), force, frame), sums)
@@ -252,7 +280,11 @@ def solve(motion: Motion, acting: Forces, curvatures: Named[Vector] | None = Non
         name: minus(one.mass * centres[name], sums[name][0]) for name, one in ways.bodies.items()
     }
     forces = {name: contact.force for name, contact in contacts.items()} | closed
-    guides = {}
+    guides = {
+        name: guiding(slide, contacts.at(name))
+        for name, slide in linkage.slides.items()
+        if name in contacts
+    }
     for tree in trees:
         for body, _, name in tree.branches:
             on_body = or_zero(total([missing[one] for one in tree.beyond(body)]))
@@ -326,8 +358,7 @@ class _Rows:
                 place = (unknown.index(name), unknown.index(name))
                 self.lower[place] = plus(self.lower.get(place), one.inertia)
                 self.right[name] = plus(self.right[name], sums[body][1])
-                is_carried = name != body and body == ways.motion.linkage.crank
-                changing = ways.motion.crank.acceleration if is_carried else None
+                changing = ways.spin_ups.get(body)
                 if changing is not None:
                     self.right[name] = minus(self.right[name], one.inertia * changing)
         # Of a tree that floats: its mass, the force on it, and its mass moments about its root.
@@ -399,12 +430,11 @@ def _sums(wrenches: Iterable[Wrench], before: Sums | None = None) -> Sums:
 
 
 def _past(
-    frame: MovingFrame | None, motion: Motion, joint: str, second: Vector, spin_up: Scalar | None
+    frame: MovingFrame | None, e: Vector, rate: Vector, second: Vector, spin_up: Scalar | None
 ) -> Vector:
     """Return e'' past the frame, from what pin and bore do past the ground."""
     if frame is None or spin_up is None:
         return second
-    e, rate = motion.eccentricities.at(joint), motion.rates.at(joint)
     turning = frame.spin**2 * e - 2 * frame.spin * rate.perp()
     return second + turning - spin_up * e.perp()
 

@@ -7,7 +7,7 @@ import equinox as eqx
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import concrete, is_concrete, require, require_positive
-from jaxcrusher.basics.plane import Arm, Vector, scalar
+from jaxcrusher.basics.plane import Arm, Vector, optional_scalar, scalar
 from jaxcrusher.basics.record import Record
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.mechanism.named import Named
@@ -47,20 +47,39 @@ class Slide(Record):
     """A slide in the frame: its body moves along a line, and does not turn.
 
     The body's origin moves on the line through a point of the frame, and its axes stay those of the
-    frame. Raises ValueError for a direction without length.
+    frame, unless its guide has a gap. The body bears on its guide at two ends, `length` apart; with
+    None it bears in its middle alone. Raises ValueError (concrete values only) for a direction
+    without length, and for sizes that are not positive.
     """
 
     body: str = eqx.field(static=True)
     along: Vector  # ahead on the line, of any length
     through: Arm = Arm()  # from the frame's origin, m
+    length: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # of the body, m
+    height: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # across, m
 
     def __check_init__(self):
         require_direction(self.along)
+        for name, size in (("length", self.length), ("height", self.height)):
+            if size is not None:
+                require_positive(name, size, "m")
 
     @property
     def direction(self) -> Vector:
         """Return the unit vector ahead on the line."""
         return self.along / norm(self.along, 0.0)
+
+    @property
+    def half_length(self) -> Scalar:
+        """Return the lever of an end of the body about its origin, m."""
+        assert self.length is not None, "the body bears in its middle alone"
+        return self.length / 2
+
+    @property
+    def half_sizes(self) -> Vector:
+        """Return half of the body's length and of its height, m."""
+        assert self.height is not None, "the body has no height"
+        return Vector(self.half_length, self.height / 2)
 
     @property
     def ends(self) -> Joint:

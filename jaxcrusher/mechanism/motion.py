@@ -8,9 +8,9 @@ dyad.
 import jax.numpy as jnp
 from jaxtyping import Scalar
 
-from jaxcrusher.basics.plane import Arm, Vector, direction, minus, or_zero, plus
+from jaxcrusher.basics.plane import Arm, Vector, arm_to, direction, minus, or_zero, plus
 from jaxcrusher.basics.record import Record
-from jaxcrusher.mechanism.linkage import Linkage, Point
+from jaxcrusher.mechanism.linkage import Joint, Linkage, Point
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import FRAME, Dyad
 
@@ -49,7 +49,9 @@ class Motion(Record):
     linkage: Linkage
     crank: Crank
     poses: Named[Pose]
-    eccentricities: Named[Vector]  # pin less bore of the loose joints, m
+    # Pin less bore of the loose joints, m. Of a guide with a gap x is how far the slider's origin
+    # lies to the left of its line, and y the tilt times half of the slider's length.
+    eccentricities: Named[Vector]
     rates: Named[Vector]  # m/s
 
     def axis(self, body: str) -> Vector:
@@ -59,6 +61,17 @@ class Motion(Record):
     def spin(self, body: str) -> Scalar | None:
         """Return the spin of a body, rad/s; None of the frame and of sliders."""
         return None if body == FRAME else self.poses.at(body).spin
+
+    def ends(self, name: str) -> Joint:
+        """Return the points at which the two bodies of a joint or a slide act on each other.
+
+        Of a slide both lie in the slider's origin.
+        """
+        slide = self.linkage.slides[name]
+        if slide is None:
+            return self.linkage.joints.at(name)
+        slider = slide.ends.pin
+        return Joint(Point(FRAME, arm_to(self.position(slider))), slider)
 
     def centre(self, body: str) -> Vector:
         """Return the mass centre of a body, m."""
@@ -162,14 +175,21 @@ def _link_and_slider(motion: Motion, dyad: Dyad, side: int) -> dict[str, Pose]:
     """Return the poses of a link and a slider: u from the link's outer joint, l u = p + s d.
 
     p is there where the slider's way s along d is zero. They meet ahead of the foot of the
-    perpendicular for side 1, behind it for side -1. The rates solve l spin perp(u) = p' + s' d.
+    perpendicular for side 1, behind it for side -1. The rates solve l spin perp(u) = p' + s' d. In
+    a guide with a gap the slider lies off the line, and is tilted.
     """
     linkage = motion.linkage
     start, start_rate = _hung(motion, dyad.first_joint, dyad.first)
-    slide, upright = linkage.slides.at(dyad.second_joint), Vector(1.0, 0.0)
+    slide, axis = linkage.slides.at(dyad.second_joint), Vector(1.0, 0.0)
     ahead, begin = slide.direction, _position(motion.poses, slide.ends.bore)
-    on_slider = linkage.side_of(dyad.meeting, dyad.second).along(upright)
-    still = minus(plus(begin, on_slider), start), minus(None, start_rate)
+    drift, tilting = None, None
+    if (play := motion.eccentricities[dyad.second_joint]) is not None:
+        leaving = motion.rates.at(dyad.second_joint)
+        axis, tilting = direction(play.y / slide.half_length), leaving.y / slide.half_length
+        begin, drift = plus(begin, play.x * ahead.perp()), leaving.x * ahead.perp()
+    on_slider = linkage.side_of(dyad.meeting, dyad.second).along(axis)
+    turned = None if on_slider is None or tilting is None else tilting * on_slider.perp()
+    still = minus(plus(begin, on_slider), start), minus(plus(drift, turned), start_rate)
     span, change = map(or_zero, _parted(motion, dyad.meeting, dyad.first, *still))
     arm = linkage.side_of(dyad.first_joint, dyad.first)
     link = _Link(linkage.side_of(dyad.meeting, dyad.first) - arm)
@@ -181,7 +201,7 @@ def _link_and_slider(motion: Motion, dyad: Dyad, side: int) -> dict[str, Pose]:
     speed = -(spin * distance + ahead.dot(change))
     return {
         dyad.first: Pose(link.axis(u), spin, arm, start, start_rate),
-        dyad.second: Pose(upright, None, Arm(), place, speed * ahead),
+        dyad.second: Pose(axis, tilting, Arm(), place, plus(drift, speed * ahead)),
     }
 
 

@@ -16,7 +16,7 @@ from jaxtyping import PyTree, Scalar
 from jaxcrusher.basics.linear import SparseRow, solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, or_zero, plus, scalar
 from jaxcrusher.basics.record import Record
-from jaxcrusher.mechanism.equations import Accelerations, Forces, Guiding
+from jaxcrusher.mechanism.equations import Accelerations, Forces, Guiding, guiding
 from jaxcrusher.mechanism.linkage import Joint, Slide
 from jaxcrusher.mechanism.motion import Crank, Motion, Pose, moving
 from jaxcrusher.mechanism.named import Named
@@ -106,8 +106,9 @@ class MultiplierFormulation(AbstractFormulation):
                 rows += gap.rows
                 kept.append((gap.e.x, gap.rate.x, gap.rest.x))
                 kept.append((gap.e.y, gap.rate.y, gap.rest.y))
-        for slide in linkage.slides.values:
-            for row, off in bodies.held_by(slide):
+        guided = {name: bodies.held_by(slide) for name, slide in linkage.slides.items()}
+        for name, both in guided.items():
+            for row, off in both if name not in scene.joints else ():
                 rows.append(row)
                 kept.append(off)
         if torque is None:
@@ -120,17 +121,28 @@ class MultiplierFormulation(AbstractFormulation):
         for name in gaps:
             if name not in scene.joints:
                 on_bore[name] = Vector(next(held), next(held))
-        guides = linkage.slides.map(lambda _: Guiding(next(held), next(held)))
+        second = {n: gap.acceleration(found) for n, gap in gaps.items() if n in contacts}
+        guides = {}
+        for name, slide in linkage.slides.items():
+            if name not in scene.joints:
+                guides[name] = Guiding(next(held), next(held))
+                continue
+            contact = contacts.at(name)
+            guides[name] = guiding(slide, contact)
+            across, turning = (
+                sum(row[i] * found[i] for i in row) + off[2] for row, off in guided[name]
+            )
+            second[name] = Vector(across, slide.half_length * turning)
         torque = -next(held) if torque is None else torque
         spin_ups = {name: found[3 * i + 2] for i, name in enumerate(bodies.names)}
         none = jnp.zeros_like(motion.crank.speed)  # where no joint is held
         return Accelerations(
             Named(spin_ups),
             Named({n: Vector(*found[3 * i : 3 * i + 2]) for i, n in enumerate(bodies.names)}),
-            Named({name: gaps[name].acceleration(found) for name in scene.joints.names}),
+            Named({name: second[name] for name in contacts.names}),
             Named({name: on_bore[name] for name in gaps}),
             torque,
-            guides,
+            Named(guides),
             functools.reduce(jnp.maximum, [jnp.abs(off) for off, _, _ in kept], none),
         )
 
@@ -178,7 +190,13 @@ def _motion(scene: Scene, state: MultiplierState) -> Motion:
         poses[name] = Pose(axis, rate.angle, one.mass_centre, at.centre, rate.centre)
     turning = Crank(state.position.at(linkage.crank).angle, poses[linkage.crank].spin)
     motion = Motion(linkage, turning, Named(poses), Named(), Named())
-    gaps = {name: _apart(motion, linkage.joints.at(name)) for name in scene.joints.names}
+    gaps = {n: _apart(motion, one) for n, one in linkage.joints.items() if n in scene.joints}
+    for name, slide in linkage.slides.items():
+        if name in scene.joints:
+            across, at = slide.direction.perp(), state.position.at(slide.body).angle
+            turned = at, state.velocity.at(slide.body).angle / CONTACT_TIME
+            both = zip(_apart(motion, slide.ends), turned, strict=True)
+            gaps[name] = tuple(Vector(across.dot(e), slide.half_length * p) for e, p in both)
     e, rates = ({name: gap[part] for name, gap in gaps.items()} for part in (0, 1))
     return dataclasses.replace(motion, eccentricities=Named(e), rates=Named(rates))
 

@@ -11,7 +11,7 @@ from jaxtyping import Scalar
 from jaxcrusher.basics.checks import require_own_process, require_positive
 from jaxcrusher.basics.plane import Vector, or_zero, plus
 from jaxcrusher.basics.smooth import norm
-from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint, Contact
+from jaxcrusher.joint.clearance import AbstractGap, ClearanceJoint, Contact
 from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
 from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, OfPart, Snapshot
 from jaxcrusher.mechanism.supports import OnSupports
@@ -128,11 +128,16 @@ def contact_loss(s: Snapshot, scene: Scene) -> Scalar:
 
 def friction_loss(s: Snapshot, scene: Scene) -> Scalar:
     """Power dissipated by friction, W; may be negative where slip is that of the centres."""
-    return _over_joints(lambda _, contact: contact.friction_loss, s, scene)
+    lost = _over_joints(lambda _, contact: contact.friction_loss, s, scene)
+    for name in scene.guides.names:
+        slide, friction = scene.linkage.slides.at(name), s.accelerations.slides.at(name).friction
+        assert friction is not None, "a guide with friction tells it"
+        lost = lost + friction * slide.direction.dot(s.motion.velocity(slide.ends.pin))
+    return lost
 
 
 def _over_joints(
-    part: Callable[[AbstractBearing, Contact], Scalar | None], s: Snapshot, scene: Scene
+    part: Callable[[AbstractGap, Contact], Scalar | None], s: Snapshot, scene: Scene
 ) -> Scalar:
     """The sum of a number of each contact; zero where there is none."""
     known = scene.joints.map(part, s.contacts).values
@@ -141,7 +146,7 @@ def _over_joints(
 
 def elastic_energy(s: Snapshot, scene: Scene) -> Scalar:
     """Stored in the contacts, in springs at the bodies and in those of the supports, J."""
-    stored = _over_joints(AbstractBearing.elastic_energy, s, scene)
+    stored = _over_joints(lambda one, contact: one.elastic_energy(contact), s, scene)
     stored = sum((spring.energy for spring in s.applied.springs), stored)
     if s.frame is None or scene.supports is None:
         return stored

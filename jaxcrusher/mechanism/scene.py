@@ -23,7 +23,9 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.plane import Vector, plus
 from jaxcrusher.basics.record import Printed
-from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
+from jaxcrusher.joint.clearance import AbstractBearing, AbstractGap, ClearanceJoint
+from jaxcrusher.joint.friction import AbstractFriction
+from jaxcrusher.joint.guide import Guide
 from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.acting import AbstractPush, Spring
 from jaxcrusher.mechanism.drives import AbstractDrive
@@ -51,21 +53,23 @@ def _centred() -> "AbstractStart":
 
 
 class Scene(Printed):
-    """A linkage with a drive, the bearings of its loose joints by name, and forces on its bodies.
+    """A linkage with a drive, the gaps of its loose joints and slides, and forces on its bodies.
 
-    Joints that are not named are ideal. With no `foundation` the frame is clamped, and moments on
+    Joints and slides that are not named are ideal; a slide without a gap may have friction by
+    `guides`. With no `foundation` the frame is clamped, and moments on
     the ground are counted about its origin. Of `points`, and of the mass centre of each body, there
     are position, velocity and acceleration. `own` is what `with_statistics` adds, and the
     `template` says what its results are called and what is asked of it besides.
 
     Raises ValueError (concrete values only) if 64-bit floats are off, for a bearing of a joint that
-    there is not, for a clearance that is not inside (0, R_i), for a push or a spring at a body that
+    there is not, for a clearance that is not inside (0, R_i), for a guide whose slider has no length
+    and height, for friction of a slide that has a gap, or that has to remember, for a push or a spring at a body that
     there is not, for a push of the frame, and for a name of a point or slide by which a result
     would be named that has this name already.
     """
 
     linkage: Linkage
-    joints: Named[AbstractBearing]  # with clearance
+    joints: Named[AbstractGap]  # with clearance; of slides a `Guide`
     drive: AbstractDrive
     pushes: tuple[AbstractPush, ...] = ()
     springs: tuple[Spring, ...] = ()
@@ -73,16 +77,31 @@ class Scene(Printed):
     start: "AbstractStart | None" = eqx.field(default_factory=_centred)
     foundation: AbstractFoundation | None = None
     points: Named[Point] = eqx.field(default_factory=Named)
+    guides: Named[AbstractFriction] = eqx.field(default_factory=Named)  # of slides without a gap
     own: Chosen = eqx.field(static=True, default=())
     template: Template = eqx.field(static=True, default=Template())
 
     def __check_init__(self):
         require_x64()
-        known = self.linkage.joints.names
-        for name, bearing in self.joints.items():
+        slides = self.linkage.slides
+        known = (*self.linkage.joints.names, *slides.names)
+        for name, gap in self.joints.items():
             require(name in known, "joints", f"be of joints: {', '.join(known)}", f"of {name}")
-            prefix = f"{name}." if self.prefix(name) else ""
-            require_clearance(bearing.clearance, bearing.bore_radius, prefix)
+            slide, prefix = slides[name], f"{name}." if self.prefix(name) else ""
+            must = "be a Guide at a slide, and a bearing at a joint"
+            fits = isinstance(gap, AbstractBearing if slide is None else Guide)
+            require(fits, f"joints.{name}", must, type(gap).__name__)
+            if isinstance(gap, AbstractBearing):
+                require_clearance(gap.clearance, gap.bore_radius, prefix)
+            if slide is not None:
+                require_positive(f"{prefix}clearance", gap.clearance, "m")
+                sized = slide.length is not None and slide.height is not None
+                require(sized, f"slides.{name}", "have a length and a height", "without")
+        for name, law in self.guides.items():
+            held = name in slides and name not in self.joints
+            require(held, "guides", "be of slides without a gap", f"of {name}")
+            must = "be of a law that remembers nothing"
+            require(law.initial() is None, f"guides.{name}", must, type(law).__name__)
         bodies = self.linkage.bodies.names
         for name, point in self.points.items():
             require(name not in bodies, "points", "have names that no body has", name)

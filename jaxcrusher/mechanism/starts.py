@@ -11,7 +11,6 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import Vector, plus
-from jaxcrusher.joint.clearance import AbstractBearing
 from jaxcrusher.mechanism.equations import solve
 from jaxcrusher.mechanism.motion import Crank, moving
 from jaxcrusher.mechanism.named import Named
@@ -90,15 +89,20 @@ def resting(
         crank = drive.crank(time, None)
     motion = moving(scene.linkage, crank, e, rate)
     held = partial(solve, curvatures=curvature)
-    forces = snapshot_of(scene, motion, Named(), None, None, held).accelerations.forces
+    found = snapshot_of(scene, motion, Named(), None, None, held).accelerations
+    forces = dict(found.forces.items())
+    for name, slide in scene.linkage.slides.items():
+        if name in scene.joints:
+            at = found.slides.at(name)
+            forces[name] = Vector(at.force, at.moment / slide.half_length)
 
     def mean_spin(name: str) -> Scalar:
-        joint = scene.linkage.joints.at(name)
-        both = plus(motion.spin(joint.bore.body), motion.spin(joint.pin.body))
+        ends = motion.ends(name)
+        both = plus(motion.spin(ends.bore.body), motion.spin(ends.pin.body))
         return jnp.zeros(()) if both is None else both / 2
 
     spins = Named({name: mean_spin(name) for name in scene.joints.names})
-    return scene.joints.map(AbstractBearing.resting, forces, spins)
+    return scene.joints.map(lambda one, *by: one.resting(*by), Named(forces), spins)
 
 
 class Given(AbstractStart):

@@ -3,6 +3,7 @@
 A frame on supports has a state of its own here: its units, where it starts, and how it changes.
 """
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -16,9 +17,11 @@ from jaxtyping import Int, PyTree, Scalar
 from jaxcrusher.basics.linear import solve_symmetric
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.record import Record
-from jaxcrusher.joint.clearance import Contact
+from jaxcrusher.joint.clearance import AbstractBearing, Contact
+from jaxcrusher.joint.guide import Guide
 from jaxcrusher.mechanism.acting import acting
 from jaxcrusher.mechanism.equations import Accelerations, Forces
+from jaxcrusher.mechanism.guide_friction import rubbing
 from jaxcrusher.mechanism.motion import Crank, Motion, moving
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import Scene
@@ -82,9 +85,8 @@ def snapshot_of(
 ) -> Snapshot:
     """Return an instant of a scene: the forces of its motion, and the accelerations under them.
 
-    Every formulation comes here with its own way to solve its equations. A force that follows from
-    what holds the bodies together, such as friction of a slide, belongs here: `solve` tells the
-    reactions under any forces.
+    Every formulation comes here with its own way to solve its equations. Friction of slides follows
+    from what holds the bodies together: `solve` tells the reactions under any forces.
     """
     applied = acting(motion, scene.pushes, scene.springs, scene.supports)
     upright = Vector(0.0, -scene.linkage.gravity)
@@ -93,22 +95,26 @@ def snapshot_of(
         wrenches = (*applied.wrenches, supports.wrench(frame))
         upright = upright.seen_from(frame.axis)
         forces = Forces(wrenches, upright, contacts, torque, supports.moving(frame))
-    return Snapshot(motion, contacts, applied, solve(motion, forces), frame)
+    under = functools.partial(solve, motion)
+    found = rubbing(motion, scene.guides, forces, under) if len(scene.guides) else under(forces)
+    return Snapshot(motion, contacts, applied, found, frame)
 
 
 def contacts_of(scene: Scene, motion: Motion, memories: Named) -> Named[Contact]:
-    """Return the contacts of the joints with clearance, whose bearings have these memories."""
+    """Return the contacts of joints and slides with clearance, whose gaps have these memories."""
     found = {}
     for name, one in scene.joints.items():
-        joint = motion.linkage.joints.at(name)
-        bore, pin = motion.spin(joint.bore.body), motion.spin(joint.pin.body)
-        found[name] = one.contact(
-            motion.eccentricities.at(name),
-            motion.rates.at(name),
-            0.0 if bore is None else bore,
-            0.0 if pin is None else pin,
-            memories[name],
-        )
+        ends, memory = motion.ends(name), memories[name]
+        play = motion.eccentricities.at(name), motion.rates.at(name)
+        if isinstance(one, Guide):
+            slide = motion.linkage.slides.at(name)
+            along, speed = slide.direction, slide.direction.dot(motion.velocity(ends.pin))
+            found[name] = one.contact(along, slide.half_sizes, *play, speed, memory)
+            continue
+        assert isinstance(one, AbstractBearing)
+        bore, pin = (motion.spin(point.body) for point in (ends.bore, ends.pin))
+        spins = 0.0 if bore is None else bore, 0.0 if pin is None else pin
+        found[name] = one.contact(*play, *spins, memory)
     return Named(found)
 
 

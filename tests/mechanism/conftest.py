@@ -5,6 +5,7 @@ import pytest
 from jaxcrusher.basics.plane import Arm, Vector
 from jaxcrusher.joint.clearance import ClearanceJoint
 from jaxcrusher.joint.friction import AmbrosioFriction, SurfaceSlip
+from jaxcrusher.joint.guide import Guide
 from jaxcrusher.joint.normal import ConstantImpactVelocity, LankaraniNikravesh
 from jaxcrusher.mechanism.acting import Push
 from jaxcrusher.mechanism.drives import ConstantSpeed
@@ -14,9 +15,19 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.topology import FRAME
 
 
+RUBBING = AmbrosioFriction(SurfaceSlip(), 0.1)
+
+
 def bearing(clearance=1e-4):
     law = LankaraniNikravesh(1e11, 0.7, ConstantImpactVelocity(0.1), width=1e-8)
-    return ClearanceJoint(0.02, clearance, law, AmbrosioFriction(SurfaceSlip(), 0.1))
+    return ClearanceJoint(0.02, clearance, law, RUBBING)
+
+
+def gap(name, linkage):
+    """What is loose at a joint, or at a slide."""
+    if name in linkage.joints:
+        return bearing()
+    return Guide(1e-4, 2e-3, bearing().normal, RUBBING)
 
 
 def four_bar():
@@ -66,7 +77,7 @@ def slider_crank():
         "big end": Joint(Point("rod"), Point("crank", Arm(0.05))),
         "wrist": Joint(Point("rod", Arm(0.12)), Point("slider", Arm(0.01, -0.015))),
     }
-    slides = {"guide": Slide("slider", Vector(3.0, 1.0), Arm(0.02, -0.01))}
+    slides = {"guide": Slide("slider", Vector(3.0, 1.0), Arm(0.02, -0.01), 0.05, 0.03)}
     return Linkage(Named(bodies), Named(joints), "crank", "base", (1,), slides=Named(slides))
 
 
@@ -99,14 +110,17 @@ def linkages():
 
 @pytest.fixture(scope="session")
 def machine(linkages):
-    """A function from a linkage's name and its loose joints to a scene."""
+    """A function from a linkage's name and its loose joints to a scene; other slides may rub."""
 
-    def made(name, loose=(), drive=None):
+    def made(name, loose=(), drive=None, rubbing=()):
         drive = ConstantSpeed(20.0) if drive is None else drive
-        linkage, bearings = linkages[name], Named({n: bearing() for n in loose})
+        linkage = linkages[name]
+        bearings = Named({n: gap(n, linkage) for n in loose})
+        guides = Named(dict.fromkeys(rubbing, RUBBING))
         pulled = "rocker" if "rocker" in linkage.bodies else "slider"
         centre = Point(pulled, linkage.bodies.at(pulled).mass_centre)
         pull = Push(centre, Vector(-700.0, 200.0))
-        return Scene(linkage=linkage, joints=bearings, drive=drive, pushes=(pull,), start=None)
+        acting = {"drive": drive, "pushes": (pull,), "start": None}
+        return Scene(linkage=linkage, joints=bearings, guides=guides, **acting)
 
     return made
