@@ -16,7 +16,7 @@ def narrow(scene: Machine) -> Machine:
 
     def widths(scene: Scene) -> list[Scalar]:
         found = []
-        for _, joint in scene.joints.items():
+        for _, joint in scene.bearings.items():
             assert isinstance(joint.normal, AbstractNormalLaw)
             found += [joint.normal.width, joint.norm_width]
         return found

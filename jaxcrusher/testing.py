@@ -187,7 +187,7 @@ def _scenes(law: eqx.Module) -> Iterator[Scene]:
             continue
         if not isinstance(law, AbstractBearing):
             part = "friction" if isinstance(law, AbstractFriction) else "normal"
-            law = dataclasses.replace(plain.joints.at("main"), **{part: law})
+            law = dataclasses.replace(plain.bearings.at("main"), **{part: law})
         yield plain.with_bearing("main", law)
 
 

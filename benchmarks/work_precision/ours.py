@@ -94,7 +94,7 @@ def _with(scene: jc.Scene, value: Scalar) -> jc.Scene:
     """Return the scene with another clearance, on which the stiffness depends, or another speed."""
     if scene.joints["main"] is None:
         return eqx.tree_at(lambda s: s.drive.speed, scene, value)
-    stiffness = cylinder_stiffness(scene.joints.at("main").bore_radius, value)
+    stiffness = cylinder_stiffness(scene.bearings.at("main").bore_radius, value)
     return eqx.tree_at(
         lambda s: (s.joints.at("main").clearance, s.joints.at("main").normal.stiffness),
         scene,

@@ -69,7 +69,7 @@ class Outline(NamedTuple):
 
 def outline(scene: Scene) -> Outline:
     """Return the outline of a crusher; an ideal joint has no radius, and 0.19 is the paper's."""
-    linkage, main = scene.linkage, scene.joints["main"]
+    linkage, main = scene.linkage, scene.bearings["main"]
     throw, size, toggle = map(float, lengths_of(linkage).values())
     bearing = np.asarray(linkage.joints.at("shaft_bearing").bore.arm.vector().array())
     r = 0.19 * size if main is None else float(main.bore_radius)

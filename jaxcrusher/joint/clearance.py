@@ -55,6 +55,7 @@ class AbstractGap(Printed):
     `friction` is that of sliding surfaces, None without.
     """
 
+    bore_radius: eqx.AbstractVar[Scalar]  # R_i, m; infinite between straight edges
     clearance: eqx.AbstractVar[Scalar]  # c, m
     normal: eqx.AbstractVar[AbstractNormalForce]
     friction: eqx.AbstractVar[AbstractFriction | None]
@@ -103,7 +104,6 @@ class AbstractBearing(AbstractGap):
     `norm_width` (m) smooths |e| at e = 0.
     """
 
-    bore_radius: eqx.AbstractVar[Scalar]  # R_i, m
     norm_width: eqx.AbstractVar[Scalar]  # m
 
     @abc.abstractmethod

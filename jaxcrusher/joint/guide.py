@@ -50,6 +50,11 @@ class Guide(AbstractGap):
     normal: AbstractNormalForce  # of a corner
     friction: AbstractFriction | None
 
+    @property
+    def bore_radius(self) -> Scalar:
+        """Infinite: the edges are straight."""
+        return jnp.full_like(self.clearance, jnp.inf)
+
     def contact(
         self,
         along: Vector,

@@ -37,9 +37,16 @@ def cylinder_stiffness(bore_radius, clearance, young=207e9, poisson=0.29) -> Sca
     Lengths in m, `young` in Pa, both surfaces of the same material. The formula is that
     of a sphere in a spherical bore, used by the paper for a line contact.
     """
+    return sphere_stiffness(bore_radius * (bore_radius - clearance) / clearance, young, poisson)
+
+
+def sphere_stiffness(radius, young=207e9, poisson=0.29) -> Scalar:
+    """K = 4 / (3 (h_i + h_j)) sqrt(R) of a sphere on a plane, in N/m^1.5: Hertz.
+
+    Length in m, `young` in Pa, both surfaces of the same material.
+    """
     compliance = 2 * (1 - poisson**2) / young
-    pin_radius = bore_radius - clearance
-    return 4 / (3 * compliance) * jnp.sqrt(bore_radius * pin_radius / clearance)
+    return 4 / (3 * compliance) * jnp.sqrt(radius)
 
 
 class AbstractImpactVelocity(Printed):

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Scalar
 
 from jaxcrusher.basics.record import Printed
-from jaxcrusher.joint.clearance import AbstractBearing
+from jaxcrusher.joint.clearance import AbstractGap
 
 # At this half-width over the radius the parabola that Hertz puts for the bore's circle is 7 %
 # off at the edge of the contact.
@@ -56,6 +56,22 @@ class Turning(Printed):
         if bool(self.inside):
             return []
         return ["comes to rest, where friction without stiction does not hold it"]
+
+
+class Jamming(Printed):
+    """Friction of a guide against the limit of its equations: where it brings forth itself."""
+
+    feedback: Scalar  # largest share of the friction that friction itself brings forth
+
+    @property
+    def inside(self) -> Bool[Array, "*batch"]:
+        """Friction follows from the other forces, at every instant."""
+        return self.feedback < 1
+
+    def remarks(self) -> list[str]:
+        """Say that the slider jams (concrete values only)."""
+        share = f"{float(self.feedback):.2f} of its friction by friction itself"
+        return [] if bool(self.inside) else [f"may jam, and brings forth {share}"]
 
 
 class RollerLoad(Printed):
@@ -109,8 +125,8 @@ class Validity(Printed):
     asked_restitution: Scalar | None = None
     clearance_ratio: Scalar | None = None  # radial clearance over the bore radius
     # Of further joints, by name, of a tension rod, of a free shaft, of rollers and of films.
-    others: "Mapping[str, Validity | Tautness | Turning | RollerLoad | FilmThickness]" = eqx.field(
-        default_factory=dict
+    others: "Mapping[str, Validity | Tautness | Turning | Jamming | RollerLoad | FilmThickness]" = (
+        eqx.field(default_factory=dict)
     )
     # What would be needed to know the rest: names of statistics that were not asked for.
     missing: tuple[str, ...] = eqx.field(static=True, default=())
@@ -176,7 +192,7 @@ class Validity(Printed):
 
 
 def validity(
-    joint: AbstractBearing | None, penetration_ratio: Scalar, impact_speed: Scalar
+    joint: AbstractGap | None, penetration_ratio: Scalar, impact_speed: Scalar
 ) -> Validity:
     """The limits of a motion with these largest penetration/clearance and approach (m/s).
 
@@ -184,11 +200,10 @@ def validity(
     """
     if joint is None:
         return Validity(penetration_ratio, impact_speed, None, None, jnp.zeros_like(impact_speed))
-    clearance_ratio = joint.clearance / joint.bore_radius
     return Validity(
         joint.half_width_ratio(joint.clearance * penetration_ratio),
         impact_speed / ELASTIC_IMPACT_SPEED,
         joint.normal.delivered_restitution(impact_speed),
         joint.normal.asked_restitution(),
-        jnp.broadcast_to(clearance_ratio, jnp.shape(impact_speed)),
+        jnp.broadcast_to(joint.clearance / joint.bore_radius, jnp.shape(impact_speed)),
     )

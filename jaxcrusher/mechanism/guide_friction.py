@@ -3,9 +3,9 @@
 A slider bears on its guide at two ends, L apart, by N_1,2 = N / 2 +- M / L, of the force N to the
 left and the moment M about its origin; without a length in the middle, by N. It rubs along the
 slide by S = m A with A = sum |N_e| over its ends, where m follows from the friction law and the
-speed, for a force of 1 N. S is counted at the slider's origin. The equations of motion are linear in
-forces, so that N_e = N_e0 + sum K_ej S_j over all slides j, and while each end stays at its edge,
-s_e = sign N_e,
+speed, for a force of 1 N. S acts in the line through the slider's origin, whose height counts in a
+guide with a gap alone. The equations of motion are linear in forces, so that
+N_e = N_e0 + sum K_ej S_j over all slides j, and while each end stays at its edge, s_e = sign N_e,
 
     A_i = a_i + sum B_ij A_j,    a_i = sum s_e N_e0,    B_ij = m_j sum s_e K_ej   (e: ends of i),
 

@@ -195,8 +195,11 @@ def _motion(scene: Scene, state: MultiplierState) -> Motion:
         if name in scene.joints:
             across, at = slide.direction.perp(), state.position.at(slide.body).angle
             turned = at, state.velocity.at(slide.body).angle / CONTACT_TIME
-            both = zip(_apart(motion, slide.ends), turned, strict=True)
-            gaps[name] = tuple(Vector(across.dot(e), slide.half_length * p) for e, p in both)
+            (e, rate), half = _apart(motion, slide.ends), slide.half_length
+            gaps[name] = (
+                Vector(across.dot(e), half * turned[0]),
+                Vector(across.dot(rate), half * turned[1]),
+            )
     e, rates = ({name: gap[part] for name, gap in gaps.items()} for part in (0, 1))
     return dataclasses.replace(motion, eccentricities=Named(e), rates=Named(rates))
 

@@ -18,7 +18,7 @@ from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import Vector, or_zero, plus
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.rollers import STATIC_PRESSURE
-from jaxcrusher.joint.validity import FilmThickness, RollerLoad, Turning
+from jaxcrusher.joint.validity import FilmThickness, Jamming, RollerLoad, Turning
 from jaxcrusher.mechanism import observables as seen
 from jaxcrusher.mechanism.observables import (
     acceleration_width,
@@ -73,6 +73,7 @@ class Parts(NamedTuple):
     rolling: tuple[str, ...] = ()
     lubricated: tuple[str, ...] = ()
     slides: tuple[str, ...] = ()
+    guides: tuple[str, ...] = ()  # slides that rub
     points: tuple[str, ...] = ()
     supports: bool = False
     springs: bool = False
@@ -239,6 +240,18 @@ def _slide_moment(s: Snapshot, scene: Scene, slide: str) -> Scalar:
     return s.accelerations.slides.at(slide).moment
 
 
+def _slide_friction(s: Snapshot, scene: Scene, slide: str) -> Scalar:
+    friction = s.accelerations.slides.at(slide).friction
+    assert friction is not None, "nothing rubs there"
+    return friction
+
+
+def _slide_feedback(s: Snapshot, scene: Scene, slide: str) -> Scalar:
+    feedback = s.accelerations.slides.at(slide).feedback
+    assert feedback is not None, "nothing rubs there"
+    return feedback
+
+
 def _size(number: Scalar, width: Scalar) -> Scalar:
     """Return the size of a force or a torque, with a derivative at zero too."""
     return norm(Vector(number, jnp.zeros(())), width)
@@ -281,6 +294,8 @@ def own_of_linkage(parts: Parts) -> Asked:
     """
     of_joints: Observables = {}
     found: Observables = {}
+    usual: Statistics = {}
+    limits: Limits = {}
     further = _sizes("drive_torque", "N m", "size of the drive torque", _torque_size)
     for joint in parts.joints:
         meaning = f"force on the bore of {joint}"
@@ -292,6 +307,13 @@ def own_of_linkage(parts: Parts) -> Asked:
         found[f"{slide}_force"] = _seen(_slide_force, slide, "N", left)
         found[f"{slide}_moment"] = _seen(_slide_moment, slide, "N m", about)
         further |= _sizes(f"{slide}_force", "N", f"force on {slide}", OfPart(_slide_size, slide))
+    for slide in parts.guides:
+        ahead = f"friction on the slide {slide}, in its direction"
+        found[f"{slide}_friction"] = _seen(_slide_friction, slide, "N", ahead)
+        meaning = f"largest share of the friction of {slide} that friction itself brings forth"
+        own = OfPart(_slide_feedback, slide)
+        usual[f"{slide}_feedback"] = Statistic("1", meaning, own, LARGEST)
+        limits[slide] = Jamming, (f"{slide}_feedback",)
     for point in parts.points:
         for name, function, unit, meaning in (
             ("position", position, "m", f"place of {point}, from the frame"),
@@ -302,7 +324,7 @@ def own_of_linkage(parts: Parts) -> Asked:
         size = OfPart(_acceleration_size, point)
         further |= _sizes(f"{point}_acceleration", "m/s2", f"acceleration of {point}", size)
     _require_new(found, of_joints)
-    return Asked(of_joints | found, {}, further, {})
+    return Asked(of_joints | found, usual, further, limits)
 
 
 @dataclass(frozen=True)
@@ -378,7 +400,7 @@ def asked_of(template: Template, parts: Parts) -> Asked:
         usual[f"{speed}_least"] = Statistic("rad/s", meaning, crank_speed, LEAST)
 
     further = own.further | OF_MACHINE
-    for joint in parts.loose:
+    for joint in (one for one in parts.loose if one in parts.joints):
         at, now = template.joint(joint), OfPart(stiffness_now, joint)
         meaning = f"mean of dF/de at {at.title}"
         further[f"{at.prefix}bearing_stiffness"] = Statistic("N/m", meaning, now, PowerMean())
@@ -395,7 +417,7 @@ def asked_of(template: Template, parts: Parts) -> Asked:
 # What a scene may lack, and how its parts would be with it.
 LACKING: dict[str, Callable[[Parts], Parts]] = {
     "a clearance there": lambda parts: parts._replace(loose=parts.joints),
-    "friction there": lambda parts: parts._replace(rubbing=parts.joints),
+    "friction there": lambda parts: parts._replace(rubbing=parts.joints, guides=parts.slides),
     "rollers there": lambda parts: parts._replace(rolling=parts.joints),
     "a film there": lambda parts: parts._replace(lubricated=parts.joints),
     "supports": lambda parts: parts._replace(supports=True),

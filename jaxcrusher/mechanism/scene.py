@@ -62,10 +62,10 @@ class Scene(Printed):
     `template` says what its results are called and what is asked of it besides.
 
     Raises ValueError (concrete values only) if 64-bit floats are off, for a bearing of a joint that
-    there is not, for a clearance that is not inside (0, R_i), for a guide whose slider has no length
-    and height, for friction of a slide that has a gap, or that has to remember, for a push or a spring at a body that
-    there is not, for a push of the frame, and for a name of a point or slide by which a result
-    would be named that has this name already.
+    there is not, for a clearance that is not inside (0, R_i), for a guide whose slider has no
+    length and height, for friction of a slide that has a gap or that remembers, for a push or a
+    spring at a body that there is not, for a push of the frame, and for a name of a point or slide
+    by which a result would be named that has this name already.
     """
 
     linkage: Linkage
@@ -91,10 +91,8 @@ class Scene(Printed):
             must = "be a Guide at a slide, and a bearing at a joint"
             fits = isinstance(gap, AbstractBearing if slide is None else Guide)
             require(fits, f"joints.{name}", must, type(gap).__name__)
-            if isinstance(gap, AbstractBearing):
-                require_clearance(gap.clearance, gap.bore_radius, prefix)
+            require_clearance(gap.clearance, gap.bore_radius, prefix)
             if slide is not None:
-                require_positive(f"{prefix}clearance", gap.clearance, "m")
                 sized = slide.length is not None and slide.height is not None
                 require(sized, f"slides.{name}", "have a length and a height", "without")
         for name, law in self.guides.items():
@@ -159,6 +157,12 @@ class Scene(Printed):
         require(joint in loose, "joint", must, f"{joint}, {known}")
         return joint
 
+    @property
+    def bearings(self) -> Named[AbstractBearing]:
+        """Return the bearings of the loose joints; slides with a gap have none."""
+        both = self.joints.items()
+        return Named({name: one for name, one in both if isinstance(one, AbstractBearing)})
+
     def with_bearing(self, joint: str, bearing: AbstractBearing | None) -> "Scene":
         """Return the scene with another bearing at a joint; None: with an ideal joint there."""
         joints = Named({**dict(self.joints.items()), joint: bearing})
@@ -172,9 +176,10 @@ class Scene(Printed):
 
     @property
     def dry(self) -> tuple[int, ...]:
-        """Which of the loose joints have no film: their pins lie in their bores, or fly."""
+        """Which of the loose have a bore and no film: their pins lie in it, or fly."""
         wet = self.lubricated
-        return tuple(i for i, name in enumerate(self.joints.names) if name not in wet)
+        dry = [name for name in self.bearings.names if name not in wet]
+        return tuple(i for i, name in enumerate(self.joints.names) if name in dry)
 
     @property
     def _parts(self) -> Parts:
@@ -190,6 +195,7 @@ class Scene(Printed):
             rolling,
             self.lubricated,
             linkage.slides.names,
+            self.guides.names,
             tuple(dict.fromkeys((*linkage.bodies.names, *self.points.names))),
             self.supports is not None,
             bool(self.springs),

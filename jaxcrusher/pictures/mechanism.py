@@ -145,7 +145,7 @@ class Drawing:
         count, outline = len(self.time), scene.template.outline
         look = None if outline is None else outline(scene)
         insets = {} if look is None else look.insets
-        magnified = [joint for joint in insets if joint in scene.joints]
+        magnified = [joint for joint in insets if joint in scene.bearings]
         needed = [] if look is None else list(look.needed)
         for joint in magnified:
             needed += [scene.prefix(joint) + "eccentricity", insets[joint][0]]
@@ -296,7 +296,7 @@ def _linkage(scene: Scene, angles: Float[Array, " n"], trajectory: Trajectory) -
         style = {"facecolor": colour, "edgecolor": colour, "alpha": 0.5, "linewidth": 4}
         style |= {"closed": len(outline) > 2, "joinstyle": "round", "label": body}
         parts.append(Shape(body, outline.tolist(), style))
-    forces = {f"{name}_reaction": ("", ORANGE, name, "tail") for name in scene.joints.names}
+    forces = {f"{name}_reaction": ("", ORANGE, name, "tail") for name in scene.bearings.names}
     forces = {name: how for name, how in forces.items() if name in trajectory.values}
     margin = 0.15 * span
     limits = np.stack([low - margin, high + margin], axis=1)
@@ -315,7 +315,7 @@ class _Magnified:
         largest: float,
         seen: dict[str, np.ndarray],
     ):
-        bearing, (force, sign, place) = scene.joints.at(joint), how
+        bearing, (force, sign, place) = scene.bearings.at(joint), how
         radius, clearance = float(bearing.bore_radius), float(bearing.clearance)
         times = _round_down(WIDEST_GAP * radius / clearance)
         gap = times / radius * clearance

@@ -29,10 +29,13 @@ from jaxcrusher.crusher.machine import crusher_linkage, require_crusher, with_co
 from jaxcrusher.crusher.template import CRUSHER
 from jaxcrusher.joint.clearance import AbstractBearing, ClearanceJoint
 from jaxcrusher.joint.friction import AbstractFriction
+from jaxcrusher.joint.guide import Guide
 from jaxcrusher.joint.normal import (
+    AbstractNormalForce,
     ConstantImpactVelocity,
     TrackedImpactVelocity,
     cylinder_stiffness,
+    sphere_stiffness,
 )
 from jaxcrusher.joint.rollers import RollerBearing, Rollers
 from jaxcrusher.mechanism.acting import AbstractPush, Spring, rough_feed
@@ -356,11 +359,16 @@ def _rod(values: Mapping[str, Any], linkage: Linkage) -> Spring | None:
     return replace(rod, length=length)
 
 
-def _friction(values: Mapping[str, Any], prefix: str) -> AbstractFriction:
-    """Return the friction of a joint; the speeds of its ramp are the law's own without theirs."""
+def friction_of(values: Mapping[str, Any], prefix: str) -> AbstractFriction | None:
+    """Return the friction of a joint or a slide, None without.
+
+    The speeds of its ramp are the law's own without theirs. Sliders have the slip of surfaces.
+    """
+    if not _differs(values.get(f"{prefix}friction", 0), 0):
+        return None
     name = f"{prefix}friction_law"
     known = {
-        "slip": LAWS["slip"][values[f"{prefix}slip"]](),
+        "slip": LAWS["slip"][values.get(f"{prefix}slip", "surface")](),
         "coefficient": values[f"{prefix}friction"],
     }
     law = values[name]
@@ -390,14 +398,7 @@ def joint_of(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
     if law == "rollers":
         require(film is None, f"{prefix}film.viscosity", "not stand beside rollers", "given")
         return _roller_bearing(v, norm_width)
-    tracked = v["impact_law"] == "tracked"
-    velocity = TrackedImpactVelocity() if tracked else ConstantImpactVelocity(v["impact_velocity"])
-    known = {
-        "stiffness": stiffness,
-        "restitution": v["restitution"],
-        "impact_velocity": velocity,
-        "width": width,
-    }
+    known = {"stiffness": stiffness, "width": width, **_impacts(v)}
     place = {"bore_radius": v["bore_radius"], "clearance": v["clearance"]}
     if is_own(name, law):
         modulus = v["young"] / (2 * (1 - v["poisson"] ** 2))
@@ -407,10 +408,46 @@ def joint_of(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
             return normal
     else:
         normal = LAWS["contact_law"][law](**known)
-    friction = _friction(values, prefix) if _differs(v["friction"], 0) else None
+    friction = friction_of(values, prefix)
     return ClearanceJoint(
         **place, normal=normal, friction=friction, norm_width=norm_width, film=film
     )
+
+
+def _impacts(v: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a contact law takes of its impacts, from the numbers of a gap."""
+    tracked = v["impact_law"] == "tracked"
+    velocity = TrackedImpactVelocity() if tracked else ConstantImpactVelocity(v["impact_velocity"])
+    return {"restitution": v["restitution"], "impact_velocity": velocity}
+
+
+def guide_of(values: Mapping[str, Any], prefix: str) -> Guide:
+    """Return the guide with a gap whose names have the prefix."""
+    v, name = _of(values, prefix), f"{prefix}contact_law"
+    stiffness, width = _corner_stiffness(v["corner_radius"], v["young"], v["poisson"])
+    known = {"stiffness": stiffness, "width": width, **_impacts(v)}
+    law = v["contact_law"]
+    if is_own(name, law):
+        modulus = v["young"] / (2 * (1 - v["poisson"] ** 2))
+        normal = built(name, law, values, modulus=modulus, clearance=v["clearance"], **known)
+        must = "be a normal force at a guide"
+        require(isinstance(normal, AbstractNormalForce), name, must, f"a whole bearing, {law}")
+    else:
+        normal = LAWS["contact_law"][law](**known)
+    sizes = {"clearance": v["clearance"], "corner_radius": v["corner_radius"]}
+    return Guide(**sizes, normal=normal, friction=friction_of(values, prefix))
+
+
+@jax.jit  # as above
+def _corner_stiffness(radius: Any, young: Any, poisson: Any) -> tuple[Scalar, Scalar]:
+    """Return the stiffness of a corner on an edge, and the width of its contact's corner."""
+    stiffness = sphere_stiffness(radius, young, poisson)
+    return stiffness, _corner_width(stiffness)
+
+
+def _corner_width(stiffness: Scalar) -> Scalar:
+    """No part of the model, so no derivative: each would be one more tangent to integrate."""
+    return stop_gradient(jnp.minimum(_CORNER, (_CORNER_FORCE / stiffness) ** (2 / 3)))
 
 
 @jax.jit  # as above
@@ -419,9 +456,8 @@ def _stiffness(
 ) -> tuple[Scalar, Scalar, Scalar]:
     """Return the stiffness of pin and bore, and the widths of the contact's corner and of |e|."""
     stiffness = cylinder_stiffness(bore_radius, clearance, young, poisson)
-    # No part of the model, so no derivative: each would be one more tangent to integrate.
-    width = stop_gradient(jnp.minimum(_CORNER, (_CORNER_FORCE / stiffness) ** (2 / 3)))
-    return stiffness, width, stop_gradient(jnp.minimum(_NORM, _NORM_SHARE * clearance))
+    norm_width = stop_gradient(jnp.minimum(_NORM, _NORM_SHARE * clearance))
+    return stiffness, _corner_width(stiffness), norm_width
 
 
 def _roller_bearing(values: Mapping[str, Any], norm_width: Any) -> RollerBearing:

@@ -47,13 +47,14 @@ import numpy as np
 from jaxcrusher.basics.checks import is_concrete, renamed, require, require_choice
 from jaxcrusher.basics.plane import Arm, Vector
 from jaxcrusher.basics.smooth import norm
+from jaxcrusher.joint.clearance import AbstractGap
 from jaxcrusher.mechanism.acting import AbstractPush, Push, PushByAngle, Spring, rough_feed
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
 from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.topology import FRAME, dyads_of, other_body
-from jaxcrusher.scenes.build import drive_of, foundation_of, joint_of
+from jaxcrusher.scenes.build import drive_of, foundation_of, friction_of, guide_of, joint_of
 from jaxcrusher.scenes.load_curve import load_curve, read_curve
 from jaxcrusher.scenes.machine import AbstractStructure, Machine
 from jaxcrusher.scenes.own_laws import is_own, law_numbers, require_one_law_each
@@ -100,7 +101,7 @@ def _usual(name: str, *comes_with: str) -> Key:
     return Key(PARAMETERS[name], default=PARAMETERS[name].default, comes_with=comes_with)
 
 
-_LOOSE, _LUBRICATED = ("clearance",), ("film.viscosity",)
+_LOOSE, _LUBRICATED, _RUBBING = ("clearance",), ("film.viscosity",), ("friction",)
 _PLACE = Parameter(0.0, "m", "of a point in its body's axes", (-1e3, 1e3), 1.0)
 _DIRECTION = Parameter(0.0, "1", "of a direction", (-1e6, 1e6), 1.0)
 _FORCE = Parameter(0.0, "N", "of a force in the frame's axes", (-1e12, 1e12), 1e3)
@@ -132,6 +133,19 @@ SECTIONS: dict[str, dict[str, Key]] = {
         "body": Key(None, "body"),
         "along": Key(_DIRECTION, "pair"),
         "through": Key(_PLACE, "pair", None),
+        "length": Key(Parameter(0.05, "m", "of the slider between its ends"), default=None),
+        "height": Key(Parameter(0.05, "m", "of the slider across its slide"), "", NEEDED, _LOOSE),
+        "clearance": Key(Parameter(0.5e-3, "m", "gap c on either side"), default=None),
+        "corner_radius": Key(Parameter(1e-3, "m", "of the slider's corners"), "", NEEDED, _LOOSE),
+        **{n: _usual(n, *_LOOSE) for n in ("restitution", "impact_velocity", "young", "poisson")},
+        "friction": Key(PARAMETERS["friction"], default=None),
+        "static_speed": Key(Parameter(0.1, "m/s", "v0 of the friction law"), "", 0.1, _RUBBING),
+        "full_speed": Key(Parameter(1.0, "m/s", "v1 of the friction law"), "", 1.0, _RUBBING),
+        **{
+            n: Key(CHOICES[n], "", CHOICES_OF_A_JOINT[n][0], _LOOSE)
+            for n in ("contact_law", "impact_law")
+        },
+        "friction_law": Key(CHOICES["friction_law"], "", CHOICES["friction_law"][0], _RUBBING),
     },
     "forces": {
         "body": Key(None, "body"),
@@ -209,16 +223,24 @@ class Drawing(AbstractStructure):
         and for links that do not close, whatever way the clearances let the pins move.
         """
         v = self._within_limits(self.complete(values))
-        bearings = {
+        bearings: dict[str, AbstractGap] = {
             name: joint_of(v, f"joints.{name}.")
             for name, *_ in self.joints
             if f"joints.{name}.clearance" in v
         }
+        guides = {}
+        for name, _ in self.slides:
+            at = f"slides.{name}."
+            if f"{at}clearance" in v:
+                bearings[name] = guide_of(v, at)
+            else:
+                guides[name] = friction_of(v, at)
         linkage = self.linkage(v)
         require_closing(linkage, {name: one.clearance for name, one in bearings.items()})
         return Scene(
             linkage=linkage,
             joints=Named(bearings),
+            guides=Named(guides),
             drive=drive_of(v),
             pushes=tuple(_push(v, *force) for force in self.forces),
             springs=tuple(_spring(v, *spring) for spring in self.springs),
@@ -268,10 +290,10 @@ class Drawing(AbstractStructure):
                 check_number(name, value, numbers)
             elif not is_own(name, value):
                 require_choice(name, value, choices[name])
+        places = [f"joints.{joint}" for joint, *_ in self.joints]
+        places += [f"slides.{slide}" for slide, _ in self.slides]
         pairs = [
-            (f"joints.{joint}.{one}", operator.lt, f"joints.{joint}.{other}")
-            for joint, *_ in self.joints
-            for one, other in _LESS
+            (f"{at}.{one}", operator.lt, f"{at}.{other}") for at in places for one, other in _LESS
         ]
         return within_limits(values, numbers, pairs)
 
@@ -329,7 +351,8 @@ class Drawing(AbstractStructure):
             joints[name] = Joint(_point(v, f"{at}.bore", bore), _point(v, f"{at}.pin", pin))
         for name, body in self.slides:
             at = f"slides.{name}"
-            slides[name] = Slide(body, _vector(v, f"{at}.along"), _arm(v, f"{at}.through"))
+            sizes = v.get(f"{at}.length"), v.get(f"{at}.height")
+            slides[name] = Slide(body, _vector(v, f"{at}.along"), _arm(v, f"{at}.through"), *sizes)
         gravity = v.get("gravity", PARAMETERS["gravity"].default)
         bearing = next(n for n, *both in self.joints if {self.crank, FRAME} == set(both))
         parts = Named(bodies), Named(joints), self.crank, bearing, self.sides, gravity
@@ -545,6 +568,10 @@ def _levers(linkage: Linkage, clearances: Mapping[str, Any], angles: Any) -> lis
             length = norm(u, 0.0)
             if dyad.second_joint in linkage.slides:
                 end, off_end, other = meeting, off, None  # which slides
+                slide = linkage.slides.at(dyad.second_joint)
+                if slide.length is not None:  # between its edges it tilts, and its joint moves
+                    lever = norm(linkage.side_of(dyad.meeting, dyad.second).vector(), 0.0)
+                    total = total + play(dyad.second_joint) * (1 + lever / slide.half_length)
                 share = jnp.abs(linkage.slides.at(dyad.second_joint).direction.cross(u)) / length
                 cosines = jnp.array([share, share + total / length])
             else:

@@ -62,7 +62,7 @@ def bearings_of(scene: Scene, joint: str | None = None) -> tuple[str, ...]:
     """
     first = joint or scene.template.first or scene.joint_looked_at()
     require_choice("joint", first, scene.linkage.joints.names)
-    return tuple(dict.fromkeys((first, scene.linkage.bearing, *scene.joints.names)))
+    return tuple(dict.fromkeys((first, scene.linkage.bearing, *scene.bearings.names)))
 
 
 def _friction(s: Snapshot, scene: Scene, joint: str) -> Scalar:
@@ -109,7 +109,7 @@ def outputs_of(scene: Scene, first: str | None = None) -> Chosen:
             "wear": Statistic("N^(10/3) rad/s", "what wears the rings", wearing, PowerMean()),
             "peak": Statistic("N", "peak load", load, LARGEST),
         }
-        bearing = scene.joints[joint]
+        bearing = scene.bearings[joint]
         if bearing is not None:
             depth, rate = (
                 scene.observables[scene.prefix(joint) + name]
@@ -169,7 +169,7 @@ def _of_joint(turns: Turns, joint: str, wear: Archard | None) -> dict[str, tuple
     def of(name: str) -> np.ndarray:
         return turns.values[f"{joint} {name}"]
 
-    bearing = turns.scene.joints[joint]
+    bearing = turns.scene.bearings[joint]
     rings = of("rings") if _swings(turns.scene, joint) else turns.values["speed"]
     speed = float(rings.mean())
     worn, error = _mean(of("wear") / speed)

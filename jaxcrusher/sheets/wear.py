@@ -102,7 +102,9 @@ def wear_of(
     require_whole("sectors", sectors, 4)
     for name, value in by._asdict().items():
         require_positive(name, value, {"coefficient": "m2/N", "width": "m"}[name])
-    bearing = scene.joints.at(joint)
+    must = f"be a joint with a bore: {', '.join(scene.bearings.names)}"
+    require(joint in scene.bearings, "joint", must, joint)
+    bearing = scene.bearings.at(joint)
     require(not remembers(scene), "orbit", "be of bearings without a memory", "of one with it")
     must = "be one with friction of sliding surfaces"
     require(bearing.friction is not None, "joint", must, f"{joint}, which has none")

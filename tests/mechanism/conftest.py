@@ -14,7 +14,6 @@ from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.topology import FRAME
 
-
 RUBBING = AmbrosioFriction(SurfaceSlip(), 0.1)
 
 
