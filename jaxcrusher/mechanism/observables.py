@@ -275,14 +275,18 @@ def frame_speed(s: Snapshot, scene: Scene) -> Scalar:
     return norm(_on_supports(s, scene)[0].velocity, width)
 
 
-def observables_at(joint: str, prefix: str, place: str) -> dict[str, Observable]:
+# What the eccentricity of a joint is.
+PIN = "eccentricity of the pin"
+
+
+def observables_at(joint: str, prefix: str, place: str, play: str) -> dict[str, Observable]:
     """Return the observables of a joint, with its prefix before their names."""
     return {
         prefix + name: Observable(OfPart(function, joint), unit, f"{meaning} at {place}")
         for name, function, unit, meaning in (
             ("normal_force", _normal_force, "N", "normal force"),
             ("friction_force", _friction_force, "N", "friction force"),
-            ("eccentricity", _eccentricity, "m", "eccentricity of the pin"),
+            ("eccentricity", _eccentricity, "m", play),
             ("penetration_ratio", _penetration_ratio, "1", "penetration / clearance"),
             ("penetration_rate", _penetration_rate, "m/s", "penetration rate"),
         )

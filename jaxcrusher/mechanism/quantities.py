@@ -21,6 +21,7 @@ from jaxcrusher.joint.rollers import STATIC_PRESSURE
 from jaxcrusher.joint.validity import FilmThickness, Jamming, RollerLoad, Turning
 from jaxcrusher.mechanism import observables as seen
 from jaxcrusher.mechanism.observables import (
+    PIN,
     acceleration_width,
     crank_speed,
     drive_power,
@@ -375,7 +376,8 @@ def asked_of(template: Template, parts: Parts) -> Asked:
     others |= seen.OF_SUPPORTS if parts.supports else {}
     of_joints: Observables = {}
     for joint, at in watched.items():
-        of_joints |= seen.observables_at(joint, at.prefix, at.title)
+        play = "way to the left, and tilt times half the length," if joint in parts.slides else PIN
+        of_joints |= seen.observables_at(joint, at.prefix, at.title, play)
     _require_new(own.observables, of_joints | others)
 
     usual = own.usual | {"shaking_rms": OF_MACHINE["shaking_rms"]}

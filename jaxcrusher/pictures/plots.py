@@ -192,8 +192,30 @@ def plot_orbit(
     return ax
 
 
+def plot_play(
+    trajectory: Mapping[str, ArrayLike] | Trajectory,
+    clearance: float,
+    ax: Axes | None = None,
+    *,
+    prefix: str = "",
+) -> Axes:
+    """The play of a slider in its guide (mm): inside of the square none of its corners touches."""
+    ax = plt.subplots()[1] if ax is None else ax
+    play = 1e3 * np.asarray(trajectory[f"{prefix}eccentricity"])
+    square = 1e3 * clearance * np.array([(1, 0, -1, 0, 1), (0, 1, 0, -1, 0)])
+    ax.plot(*square, color="0.4", linestyle="--", linewidth=1, label="clearance")
+    ax.plot(play[:, 0], play[:, 1], color=BLUE, linewidth=0.6, label="slider")
+    words = "off to the left (mm)", "tilt x half length (mm)"
+    ax.set(xlabel=words[0], ylabel=words[1], aspect="equal")
+    ax.locator_params(nbins=4)
+    return ax
+
+
 def pins_and_force(scene: Scene, seen: Mapping[str, ArrayLike] | Trajectory) -> tuple[Figure, Axes]:
-    """Draw each pin in its bore; return the figure, and the axes beside them for a force."""
+    """Draw each pin in its bore, and each slider in its gap.
+
+    Returns the figure, and the axes beside them for a force.
+    """
     joints = dict(scene.joints.items())
     size, widths = (6 + 4 * max(len(joints), 1), 4), [1.0] * len(joints) + [1.6]
     fig, axes = plt.subplots(
@@ -202,8 +224,10 @@ def pins_and_force(scene: Scene, seen: Mapping[str, ArrayLike] | Trajectory) -> 
     for ax, (name, joint) in zip(axes[0], joints.items(), strict=False):
         clearance, prefix = float(joint.clearance), scene.prefix(name)
         at = f"{name}: " if prefix else ""
-        plot_orbit(seen, clearance, ax, prefix=prefix)
-        ax.set_title(f"{at}radial clearance {1e3 * clearance:.4g} mm")
+        is_pin = name in scene.bearings
+        (plot_orbit if is_pin else plot_play)(seen, clearance, ax, prefix=prefix)
+        gap = "radial clearance" if is_pin else "gap on either side"
+        ax.set_title(f"{at}{gap} {1e3 * clearance:.4g} mm")
     return fig, axes[0, -1]
 
 

@@ -87,7 +87,7 @@ class Row:
 
 
 def joint_states(scene: Scene) -> str:
-    """Say of each joint whether it is ideal, or what clearance it has."""
+    """Say of each joint whether it is ideal, or what clearance it has, and of loose slides."""
     states = []
     for joint in scene.linkage.joints.names:
         one, state = scene.joints[joint], "is ideal"
@@ -95,6 +95,9 @@ def joint_states(scene: Scene) -> str:
             rolls = "rollers and " if isinstance(one, RollerBearing) else ""
             state = f"has {rolls}a radial clearance of {1e3 * float(one.clearance):.4g} mm"
         states.append(f"{scene.template.joint(joint).words} {state}")
+    for slide in (one for one in scene.linkage.slides.names if one in scene.joints):
+        gap = 1e3 * float(scene.joints.at(slide).clearance)
+        states.append(f"{slide} has a gap of {gap:.4g} mm on either side")
     return ", ".join(states)
 
 

@@ -53,6 +53,7 @@ def changed(**parts):
     return merged
 
 
+GUIDE = {"body": "slider", "along": [1, 0]}
 LOOSE = {"bore": ["rod", 0.12, 0], "pin": ["slider", 0, 0], "clearance": 1e-4, "bore_radius": 0.01}
 DIAMETERS = {"diametral_clearance": 2e-4, "bore_diameter": "20 mm"}
 ANGLES = np.radians(np.arange(0.0, 360.0, 15.0))
@@ -315,6 +316,26 @@ REFUSED = {
     "a direction without length": (
         {"slides": {"guide": {"body": "slider", "along": [0, 0]}}},
         "along` must be a direction, but is zero",
+    ),
+    "a gap of a slider without a height": (
+        {"slides": {"guide": GUIDE | {"clearance": 1e-4, "length": 0.05, "corner_radius": 1e-3}}},
+        "slides.guide.height` must be given in m with `slides.guide.clearance`, but is missing",
+    ),
+    "a gap of a slider without a length": (
+        {"slides": {"guide": GUIDE | {"clearance": 1e-4, "height": 0.05, "corner_radius": 1e-3}}},
+        "slides.guide` must have a length and a height, but is without",
+    ),
+    "a corner without a gap": (
+        {"slides": {"guide": GUIDE | {"corner_radius": 1e-3}}},
+        "slides.guide.corner_radius` must come with `slides.guide.clearance`, but is alone",
+    ),
+    "a ramp of no friction": (
+        {"slides": {"guide": GUIDE | {"full_speed": 1.0}}},
+        "slides.guide.full_speed` must come with `slides.guide.friction`, but is alone",
+    ),
+    "friction of a guide that is full where it begins": (
+        {"slides": {"guide": GUIDE | {"static_speed": 1.0, "friction": 0.1}}},
+        "slides.guide.static_speed` must be less than full_speed 1.0 m/s, but is 1.0",
     ),
     "a law of a module that there is not": (
         {"joints": {"B": LOOSE | {"contact_law": "laws:Mine"}}},
