@@ -47,6 +47,24 @@ def main(out: Path = Path("results/pictures")) -> None:
     write_figure(folder / "whirls.png", fig)
     write_figure(folder / "bearings.png", bearings())
     write_figure(folder / "linkages.png", linkages(), dpi=70)
+    write_figure(folder / "loose_guide.png", loose_guide(), dpi=90)
+
+
+def loose_guide() -> Figure:
+    """Draw two turns of a slider in its gap, and its force on the guide."""
+    import numpy as np
+
+    import jaxcrusher as jc
+    from jaxcrusher.pictures.plots import pins_and_force
+
+    scene = jc.read_machine("examples/loose_guide.toml").scene()
+    turns = np.linspace(0, 2, 2001)
+    times = 2 * np.pi / float(scene.drive.speed) * turns
+    motion = jc.simulate(scene, times, outputs=("guide_eccentricity", "guide_force"), rtol=1e-9)
+    fig, ax = pins_and_force(scene, motion)
+    ax.plot(turns, np.asarray(motion["guide_force"]) / 1e3, linewidth=0.8)
+    ax.set(xlabel="turns of the crank", ylabel="force on the guide, to the left (kN)")
+    return fig
 
 
 def linkages() -> Figure:

@@ -58,9 +58,10 @@ def bearings_of(scene: Scene, joint: str | None = None) -> tuple[str, ...]:
     """Return the joints that a sheet is of: the one looked at, the crank's own, and loose ones.
 
     The first is the named one, which may be ideal, or that whose results have no prefix, or the
-    only loose one. Raises ValueError where there is none of them.
+    only loose one; slides have none. Raises ValueError where there is none of them.
     """
-    first = joint or scene.template.first or scene.joint_looked_at()
+    only = scene.bearings.names[0] if len(scene.bearings) == 1 else None
+    first = joint or scene.template.first or only or scene.joint_looked_at()
     require_choice("joint", first, scene.linkage.joints.names)
     return tuple(dict.fromkeys((first, scene.linkage.bearing, *scene.bearings.names)))
 
