@@ -86,6 +86,10 @@ class PeriodicSeries(Record):
 def series_of(spline: PeriodicSpline, orders: int) -> PeriodicSeries:
     """Return the first orders of a spline's Fourier series, from its values at many angles."""
     count = max(8 * len(spline.start), 8 * orders)
-    seen = jnp.fft.rfft(jax.vmap(spline)(jnp.arange(count, dtype=float) * TURN / count))[:orders]
-    both = 2 * seen / count
+    return series_through(jax.vmap(spline)(jnp.arange(count, dtype=float) * TURN / count), orders)
+
+
+def series_through(values: Float[Array, " n"], orders: int) -> PeriodicSeries:
+    """Return the first orders of the Fourier series of values at n evenly spaced angles from 0."""
+    both = 2 * jnp.fft.rfft(values)[:orders] / len(values)
     return PeriodicSeries(both.real.at[0].divide(2.0), -both.imag)
