@@ -72,21 +72,22 @@ class Slide(Record):
 class Linkage(Record):
     """Bodies, joints and slides on a frame.
 
-    The `crank` turns in the frame about the joint `bearing`; all other bodies are dyads: pairs that
+    The `crank` turns in the frame about the joint `bearing`. All other bodies are dyads: pairs that
     meet in a joint, each of which hangs on a body before them by another joint, or one of them on
     the frame by a slide. Or they are triads: a body in the middle that meets three others, each of
-    which hangs on a body before them, or on the frame by a slide. `sides` says of each dyad, in the order of `dyads`, where it meets. Two
-    links meet on one side of the line from their first to their second outer joint: 1 left,
-    -1 right. A link and a slider meet ahead (1) or behind (-1), along the slide, of the foot of the
-    perpendicular from the link's outer joint. `guesses` says of the body in the middle of each
-    triad roughly where it is at crank angle zero, and `jaxcrusher.mechanism.motion.continued` adds
-    the `courses` from there. Frame and crank have their origins where their axes begin; the crank's
-    angle is that of its x axis.
+    which hangs on a body before them, or on the frame by a slide. `sides` says of each dyad, in the
+    order of `dyads`, where it meets. Two links meet on one side of the line from their first to
+    their second outer joint: 1 left, -1 right. A link and a slider meet ahead (1) or behind (-1),
+    along the slide, of the foot of the perpendicular from the link's outer joint. `guesses` says of
+    the body in the middle of each triad roughly where it is at crank angle zero, and
+    `jaxcrusher.mechanism.motion.continued` adds the `courses` from there. Frame and crank have
+    their origins where their axes begin; the crank's angle is that of its x axis.
 
     Raises ValueError for a joint or a slide of a body that there is not, for one that no group
     needs, for bodies that are no groups, for another count of `sides`, for a triad without a guess
-    and a guess without one, for a body that has the frame's name, for a bearing that does not join crank and frame, and (concrete values only) for a
-    link whose two joints are one point and for a mass or an inertia that is not positive.
+    and a guess without one, for a body that has the frame's name, for a bearing that does not join
+    crank and frame, and (concrete values only) for a link whose two joints are one point and for a
+    mass or an inertia that is not positive.
     """
 
     bodies: Named[Body]

@@ -266,7 +266,7 @@ def _holds(motion: Motion, triad: Triad) -> list[AbstractHold]:
     return found
 
 
-def lever(motion: Motion, triad: Triad) -> Scalar:
+def triad_lever(motion: Motion, triad: Triad) -> Scalar:
     """Return the determinant of the lines that hold a triad's middle body, over its size.
 
     It is zero where they meet in one point, and changes its sign there.
@@ -294,7 +294,7 @@ def followed(linkage: Linkage) -> tuple[Named[Spot], Float[Array, "angles triads
         motion = moving(held, crank, Named(), Named(), courses)
         poses = {triad.middle: motion.poses.at(triad.middle) for triad in held.triads}
         spots = {name: Spot(or_zero(pose.place), pose.axis) for name, pose in poses.items()}
-        return Named(spots), jnp.stack([lever(motion, triad) for triad in held.triads])
+        return Named(spots), jnp.stack([triad_lever(motion, triad) for triad in held.triads])
 
     def step(spots, angle):
         found = onward(spots, angle)

@@ -85,13 +85,10 @@ class Lines:
     """The three lines of force on a middle body where it is."""
 
     def __init__(self, holds: Holds, spot: "Spot"):
-        self.holds = holds
         self.arms = [hold.arm.along(spot.axis) for hold in holds]
         at = [plus(spot.place, arm) for arm in self.arms]
-        self.reaches = [
-            or_zero(minus(*both)) for both in zip(at, (h.base for h in holds), strict=False)
-        ]
-        self.normals = [hold.normal(u) for hold, u in zip(holds, self.reaches, strict=False)]
+        self.reaches = [or_zero(minus(x, h.base)) for x, h in zip(at, holds, strict=True)]
+        self.normals = [hold.normal(u) for hold, u in zip(holds, self.reaches, strict=True)]
         both = zip(self.arms, self.normals, strict=True)
         self.moments = [None if arm is None else arm.cross(normal) for arm, normal in both]
         n = self.normals
@@ -107,17 +104,12 @@ class Lines:
 
     def solve(self, right: list[Scalar | None]) -> tuple[Vector, Scalar]:
         """Return v and w by the adjugate matrix; what is None on the right is zero."""
-        inverse = 1 / self.determinant
-        turn = total(
-            None if b is None else b * c for b, c in zip(right, self.crossings, strict=False)
-        )
         n, m, b = self.normals, self.moments, right
-        along = [
-            None if part is None else part * n[i]
-            for i in range(3)
-            for part in [minus(_times(b[i - 2], m[i - 1]), _times(b[i - 1], m[i - 2]))]
-        ]
-        return inverse * or_zero(total(along)).perp(), inverse * (0.0 if turn is None else turn)
+        turn = total([_times(*both) for both in zip(b, self.crossings, strict=True)])
+        shares = [minus(_times(b[i - 2], m[i - 1]), _times(b[i - 1], m[i - 2])) for i in range(3)]
+        step = total([None if s is None else s * one for s, one in zip(shares, n, strict=True)])
+        inverse = 1 / self.determinant
+        return inverse * or_zero(step).perp(), inverse * (0.0 if turn is None else turn)
 
 
 def _times(one: Scalar | None, other: Scalar | None) -> Scalar | None:
