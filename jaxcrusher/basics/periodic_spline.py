@@ -75,11 +75,11 @@ class PeriodicSeries(Record):
     def __call__(self, angle: Scalar) -> Scalar:
         """Return the value at any angle (rad), by the recurrences of Clenshaw (1955)."""
         cosine, sine = jnp.cos(angle), jnp.sin(angle)
-        zero = jnp.zeros_like(cosine)
+        zero, twice = jnp.zeros_like(cosine), 2 * cosine
         even, before, odd, behind = zero, zero, zero, zero
         for order in range(len(self.cosines) - 1, 0, -1):
-            even, before = self.cosines[order] + 2 * cosine * even - before, even
-            odd, behind = self.sines[order] + 2 * cosine * odd - behind, odd
+            even, before = self.cosines[order] + twice * even - before, even
+            odd, behind = self.sines[order] + twice * odd - behind, odd
         return self.cosines[0] + cosine * even - before + sine * odd
 
 

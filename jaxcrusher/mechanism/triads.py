@@ -156,7 +156,7 @@ class Spot(AbstractCourse):
             right[0] = jnp.where(off < within**2 * size_squared(holds), right[0], jnp.nan)
         step, turn = lines.solve([*right])
         axis = self.axis + turn * self.axis.perp()
-        return Spot(self.place + step, axis / jnp.sqrt(1 + turn**2))
+        return Spot(self.place + step, axis / jnp.sqrt(axis.dot(axis)))
 
 
 def size_squared(holds: Holds) -> Scalar:
