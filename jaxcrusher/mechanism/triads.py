@@ -85,6 +85,7 @@ class Lines:
     """The three lines of force on a middle body where it is."""
 
     def __init__(self, holds: Holds, spot: "Spot"):
+        self.holds = holds
         self.arms = [hold.arm.along(spot.axis) for hold in holds]
         at = [plus(spot.place, arm) for arm in self.arms]
         self.reaches = [or_zero(minus(x, h.base)) for x, h in zip(at, holds, strict=True)]
@@ -93,6 +94,11 @@ class Lines:
         self.moments = [None if arm is None else arm.cross(normal) for arm, normal in both]
         n = self.normals
         self.crossings = [n[1].cross(n[2]), n[2].cross(n[0]), n[0].cross(n[1])]
+
+    @property
+    def gaps(self) -> list[Scalar]:
+        """Return how far its joints are off, m."""
+        return [hold.gap(u) for hold, u in zip(self.holds, self.reaches, strict=True)]
 
     @property
     def determinant(self) -> Scalar:
@@ -149,14 +155,23 @@ class Spot(AbstractCourse):
     def nearer(self, holds: Holds, within: float | None = None) -> "Spot":
         """Return the spot after a step; NaN where it begins further off than `within` sizes."""
         lines = Lines(holds, self)
-        gaps = [hold.gap(u) for hold, u in zip(holds, lines.reaches, strict=True)]
-        right = [-gap for gap in gaps]
+        gaps = lines.gaps
         if within is not None:
             off = sum(gap**2 for gap in gaps)
-            right[0] = jnp.where(off < within**2 * size_squared(holds), right[0], jnp.nan)
-        step, turn = lines.solve([*right])
+            gaps[0] = jnp.where(off < within**2 * size_squared(holds), gaps[0], jnp.nan)
+        return self.moved(*lines.solve([-gap for gap in gaps]))
+
+    def moved(self, step: Vector, turn: Scalar) -> "Spot":
+        """Return the spot after a step (m) and about a turn (rad)."""
         axis = self.axis + turn * self.axis.perp()
         return Spot(self.place + step, axis / jnp.sqrt(axis.dot(axis)))
+
+    def strode(self, holds: Holds) -> "Spot":
+        """Return the spot after a step of at most a third of the body's size and a third of 1."""
+        lines = Lines(holds, self)
+        step, turn = lines.solve([-gap for gap in lines.gaps])
+        share = 1 / jnp.sqrt(1 + 9 * (turn**2 + step.dot(step) / size_squared(holds)))
+        return self.moved(share * step, share * turn)
 
 
 def size_squared(holds: Holds) -> Scalar:
@@ -176,7 +191,7 @@ class Guess(AbstractCourse):
         """Return where many steps from here lead."""
         begin = Spot(self.place, direction(self.angle))
         # What comes back has the types of what goes in.
-        found = jax.lax.fori_loop(0, SEEKING, lambda _, spot: spot.nearer(holds), begin)
+        found = jax.lax.fori_loop(0, SEEKING, lambda _, spot: spot.strode(holds), begin)
         return found.placed(holds, angle)
 
 
