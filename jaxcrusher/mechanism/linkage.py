@@ -182,7 +182,7 @@ def _links_of(
     dyads, legs = dyads_of(groups), [leg for group in groups for leg in group.legs]
     used = {bearing}.union(*((leg.joint, leg.meeting) for leg in legs))
     more = [name for name, *_ in ends if name not in used]
-    must = "be the crank's bearing, three of each dyad and six of each triad"
+    must = "be the crank's bearing, six of each triad and three of each dyad"
     require(not more, "joints", must, f"also {', '.join(more)}")
     require(len(sides) == len(dyads), "sides", "hold one of each dyad", sides)
     good = all(side in (-1, 1) for side in sides)

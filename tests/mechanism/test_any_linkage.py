@@ -48,6 +48,9 @@ LOOSE = {
         "all",
     ],
     "press": [(), ("upper",), ("wrist", "foot"), ("big end", "middle"), "all"],
+    # Triads: what meets in the middle, what they hang by, and the slider's.
+    "stephenson": [(), ("middle",), ("corner", "ceiling"), ("big end", "small end"), "all"],
+    "chain": [(), ("hook",), ("wrist", "eye"), ("knee", "middle"), "all"],
 }
 ONE, OTHER = [
     [
