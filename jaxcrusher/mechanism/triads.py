@@ -21,11 +21,11 @@ from jaxcrusher.basics.periodic_spline import PeriodicSeries, series_through
 from jaxcrusher.basics.plane import Arm, Vector, direction, minus, or_zero, plus, scalar, total
 from jaxcrusher.basics.record import Record
 
-# Newton's steps: two from the guess, two more with derivatives. The last one may begin this share
+# Newton's steps: three from the guess, two more with derivatives. The last one may begin this share
 # of the middle body's size off, and so ends at rounding.
-SEARCHING, POLISHING, NEAR = 2, 2, 1e-9
+SEARCHING, POLISHING, NEAR = 3, 2, 1e-9
 SEEKING = 40  # steps from a guess by hand
-ORDERS = 8  # of the series that guesses round a turn
+ORDERS = 6  # of the series that guesses round a turn
 
 
 class AbstractHold(Record):
@@ -54,11 +54,11 @@ class Rod(AbstractHold):
 
     def normal(self, u: Vector) -> Vector:
         """Return u over the length."""
-        return u / self.length
+        return (1 / self.length) * u
 
     def gap(self, u: Vector) -> Scalar:
         """Return what is zero where u has the length."""
-        return (u.dot(u) / self.length - self.length) / 2
+        return 0.5 * ((1 / self.length) * u.dot(u) - self.length)
 
 
 class Rail(AbstractHold):
@@ -140,7 +140,7 @@ class Spot(AbstractCourse):
         """Return where it is near this spot.
 
         The error is squared by each step, and so are its derivatives' by each step that is
-        differentiated: of e, e' and e'' there are left e^2, 2 e e' and 2 (e'^2 + e e''). After two
+        differentiated: of e, e' and e'' there are left e^2, 2 e e' and 2 (e'^2 + e e''). After the
         steps without derivatives e is some 1e-8 of the size and e' is as large as the motion; two
         more leave first and second derivatives to rounding, as by the implicit function theorem.
         """
@@ -162,9 +162,12 @@ class Spot(AbstractCourse):
         return self.moved(*lines.solve([-gap for gap in gaps]))
 
     def moved(self, step: Vector, turn: Scalar) -> "Spot":
-        """Return the spot after a step (m) and about a turn (rad)."""
+        """Return the spot after a step (m) and a turn (rad).
+
+        The axis is near its length of 1, and so Newton's step for the inverse of a root is enough.
+        """
         axis = self.axis + turn * self.axis.perp()
-        return Spot(self.place + step, axis / jnp.sqrt(axis.dot(axis)))
+        return Spot(self.place + step, (1.5 - 0.5 * axis.dot(axis)) * axis)
 
     def strode(self, holds: Holds) -> "Spot":
         """Return the spot after a step of at most a third of the body's size and a third of 1."""

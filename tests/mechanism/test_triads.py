@@ -143,10 +143,10 @@ def test_a_course_leads_back_and_bears_changes_of_lengths(linkages):
 def test_a_triad_is_guessed_at(linkages):
     one = linkages["stephenson"]
     parts = one.bodies, one.joints, "crank", "base", ()
-    with pytest.raises(ValueError, match="`guesses` must tell .* but is without plate"):
+    with pytest.raises(ValueError, match=r"`guesses` must tell .* but is without plate"):
         Linkage(*parts)
     extra = Named({**dict(one.guesses.items()), "rod": Guess(Vector(0.0, 0.0), 0.0)})
-    with pytest.raises(ValueError, match="`guesses` must tell .* but is of rod"):
+    with pytest.raises(ValueError, match=r"`guesses` must tell .* but is of rod"):
         Linkage(*parts, guesses=extra)
     with pytest.raises(ValueError, match="must be continued round a turn, for the course of plate"):
         ideal_at_rest(Linkage(*parts, guesses=one.guesses), 0.0)
