@@ -25,7 +25,7 @@ from jaxcrusher.basics.record import Record
 # of the middle body's size off, and so ends at rounding.
 SEARCHING, POLISHING, NEAR = 3, 2, 1e-9
 SEEKING = 40  # steps from a guess by hand
-ORDERS = 6  # of the series that guesses round a turn
+ORDERS = 8  # of the series that guesses round a turn
 
 
 class AbstractHold(Record):

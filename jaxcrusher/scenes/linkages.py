@@ -627,6 +627,7 @@ def _shifted(
     """Return the least lever of a triad by all eccentricities, and the reach of its bodies.
 
     These are bounds of first order: each pin goes its clearance in the direction that counts most.
+    That of the lever is of its square, which falls evenly to where a triad opens.
     """
     count = len(triad.bodies)
 
@@ -635,18 +636,17 @@ def _shifted(
         off = moving(linkage, motion.crank, pins, Named())
         turned = [motion.axis(body).cross(off.axis(body)) for body in triad.bodies]
         begins = [off.position(Point(body)) for body in triad.bodies]
-        every = [jnp.abs(triad_lever(off, triad)), *turned]
+        every = [triad_lever(off, triad) ** 2, *turned]
         return jnp.stack([*every, *(at.x for at in begins), *(at.y for at in begins)])
 
     slopes = jax.jacfwd(seen)(jnp.zeros((len(clearances), 2)))
     radii = jnp.array([clearances[name] for name in clearances])
-    most = jnp.sum(radii * jnp.hypot(slopes[:, :, 0], slopes[:, :, 1]), axis=1)
+    most = jnp.hypot(slopes[:, :, 0], slopes[:, :, 1]) @ radii
     turned, x, y = most[1 : count + 1], most[count + 1 : -count], most[-count:]
     places = [motion.position(Point(body)) for body in triad.bodies]
     moved = zip(places, jnp.hypot(x, y), turned, strict=True)
-    return jnp.abs(triad_lever(motion, triad)) - most[0], dict(
-        zip(triad.bodies, moved, strict=True)
-    )
+    least = jnp.sqrt(triad_lever(motion, triad) ** 2 - most[0])
+    return least, dict(zip(triad.bodies, moved, strict=True))
 
 
 def require_closing(linkage: Linkage, clearances: Mapping[str, Any]) -> None:
@@ -661,11 +661,13 @@ def require_closing(linkage: Linkage, clearances: Mapping[str, Any]) -> None:
         levers = _levers(linkage, clearances, jnp.radians(jnp.arange(360.0)))
     for group, both in zip(linkage.groups, levers, strict=True):
         must = f"let {' and '.join(group.bodies)} meet at every angle of the crank"
+        missed = "open"
         if isinstance(group, Triad):
             _require_following(linkage, group, must)
+            missed = "open, or goes too unevenly to be found,"
         for lever, where in zip(map(np.asarray, both), ("", " with all clearances"), strict=True):
             for bad, told in (
-                (np.isnan(lever), "open"),
+                (np.isnan(lever), missed),
                 (lever < LEAST_LEVER, "at a dead point, from which they may go on either way,"),
             ):
                 value = f"{told} at a crank angle of {np.argmax(bad)} deg"
@@ -676,10 +678,9 @@ def _require_following(linkage: Linkage, triad: Triad, must: str) -> None:
     """Raise ValueError for a triad that cannot be followed from its guess round a turn."""
     with jax.ensure_compile_time_eval():
         spots, levers = jax.device_get(followed(linkage))
-    lever = levers[:, linkage.triads.index(triad)]
-    for bad, told in ((np.isnan(lever), "open"), (lever * lever[0] < 0, "past a dead point")):
-        value = f"{told} at a crank angle of {360 // COUNT * np.argmax(bad)} deg"
-        require(not bad.any(), "bodies", must, value)
+    bad = np.isnan(levers[:, linkage.triads.index(triad)])
+    value = f"open at a crank angle of {360 // COUNT * np.argmax(bad)} deg"
+    require(not bad.any(), "bodies", must, value)
     spot = spots.at(triad.middle)
     off = jnp.stack([part[-1] - part[0] for part in jax.tree.leaves(spot)])
     must = f"come back to where {triad.middle} was after a turn of the crank"
