@@ -236,10 +236,8 @@ def _leg(motion: Motion, leg: Leg, u: Vector, change: Vector) -> Pose:
     """Return the pose of a body of a triad that hangs outside, of what its hold reaches over."""
     linkage = motion.linkage
     if leg.joint in linkage.slides:
-        slide = linkage.slides.at(leg.joint)
-        ahead, begin = slide.direction, _position(motion.poses, slide.ends.bore)
-        place = plus(begin, ahead.dot(u) * ahead)
-        return Pose(Vector(1.0, 0.0), None, Arm(), place, ahead.dot(change) * ahead)
+        begin = _position(motion.poses, linkage.slides.at(leg.joint).ends.bore)
+        return Pose(Vector(1.0, 0.0), None, Arm(), plus(begin, u), change)
     start, start_rate = _hung(motion, leg.joint, leg.body)
     arm = linkage.side_of(leg.joint, leg.body)
     link = _Link(linkage.side_of(leg.meeting, leg.body) - arm)

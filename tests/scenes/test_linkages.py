@@ -465,8 +465,12 @@ def test_a_triad_in_lanes_moves_as_by_itself():
 
 @pytest.mark.slow
 def test_slopes_of_an_orbit_of_a_triad_are_those_of_differences():
-    """By a length, whose derivative goes through Newton's steps; with ideal joints too."""
+    """By a length, whose derivative goes through Newton's steps; with ideal joints too.
+
+    Friction changes its law within a node of the orbit, which puts 4e-3 on differences.
+    """
     machine, name, step = read_machine(EXAMPLES / "six_bar.toml"), "joints.C.pin.x", 1e-4
+    machine = machine.replace(**{"joints.C.friction": 0.0})
 
     def shaking(length):
         return jc.periodic_orbit(machine.scene(**{name: length})).shaking_rms
@@ -479,8 +483,8 @@ def test_slopes_of_an_orbit_of_a_triad_are_those_of_differences():
         slope, value = float(jax.jit(jax.grad(of))(0.2)), jax.jit(of)
         ends = [float(value(0.2 + way * step)) for way in (-2, -1, 1, 2)]
         expected = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * step)
-        # Orbits to 1e-9 over steps of 1e-4 of 45 N, and a fourth order of some 1e-7.
-        assert slope == pytest.approx(expected, rel=1e-5)
+        # Orbits to some 1e-10 over steps of 1e-4, and a fourth order of 1e-7.
+        assert slope == pytest.approx(expected, rel=1e-6)
 
 
 def test_levers_of_a_triad_with_all_clearances_are_bounds_of_first_order():
