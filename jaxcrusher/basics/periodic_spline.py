@@ -75,17 +75,21 @@ class PeriodicSeries(Record):
     def __call__(self, angle: Scalar) -> Scalar:
         """Return the value at any angle (rad), by the recurrences of Clenshaw (1955)."""
         cosine, sine = jnp.cos(angle), jnp.sin(angle)
-        zero = jnp.zeros_like(cosine)
+        zero, twice = jnp.zeros_like(cosine), 2 * cosine
         even, before, odd, behind = zero, zero, zero, zero
         for order in range(len(self.cosines) - 1, 0, -1):
-            even, before = self.cosines[order] + 2 * cosine * even - before, even
-            odd, behind = self.sines[order] + 2 * cosine * odd - behind, odd
+            even, before = self.cosines[order] + twice * even - before, even
+            odd, behind = self.sines[order] + twice * odd - behind, odd
         return self.cosines[0] + cosine * even - before + sine * odd
 
 
 def series_of(spline: PeriodicSpline, orders: int) -> PeriodicSeries:
     """Return the first orders of a spline's Fourier series, from its values at many angles."""
     count = max(8 * len(spline.start), 8 * orders)
-    seen = jnp.fft.rfft(jax.vmap(spline)(jnp.arange(count, dtype=float) * TURN / count))[:orders]
-    both = 2 * seen / count
+    return series_through(jax.vmap(spline)(jnp.arange(count, dtype=float) * TURN / count), orders)
+
+
+def series_through(values: Float[Array, " n"], orders: int) -> PeriodicSeries:
+    """Return the first orders of the Fourier series of values at n evenly spaced angles from 0."""
+    both = 2 * jnp.fft.rfft(values)[:orders] / len(values)
     return PeriodicSeries(both.real.at[0].divide(2.0), -both.imag)

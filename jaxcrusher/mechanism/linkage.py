@@ -11,7 +11,8 @@ from jaxcrusher.basics.plane import Arm, Vector, optional_scalar, scalar
 from jaxcrusher.basics.record import Record
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.topology import FRAME, Dyad, Ends, dyads_of
+from jaxcrusher.mechanism.topology import FRAME, Dyad, Ends, Triad, dyads_of, groups_of, triads_of
+from jaxcrusher.mechanism.triads import Course, Guess
 
 
 class Body(Record):
@@ -90,18 +91,22 @@ class Slide(Record):
 class Linkage(Record):
     """Bodies, joints and slides on a frame.
 
-    The `crank` turns in the frame about the joint `bearing`; all other bodies are dyads: pairs that
+    The `crank` turns in the frame about the joint `bearing`. All other bodies are dyads: pairs that
     meet in a joint, each of which hangs on a body before them by another joint, or one of them on
-    the frame by a slide. `sides` says of each dyad, in the order of `dyads`, where it meets. Two
-    links meet on one side of the line from their first to their second outer joint: 1 left,
-    -1 right. A link and a slider meet ahead (1) or behind (-1), along the slide, of the foot of the
-    perpendicular from the link's outer joint. Frame and crank have their origins where their axes
-    begin; the crank's angle is that of its x axis.
+    the frame by a slide. Or they are triads: a body in the middle that meets three others, each of
+    which hangs on a body before them, or on the frame by a slide. `sides` says of each dyad, in the
+    order of `dyads`, where it meets. Two links meet on one side of the line from their first to
+    their second outer joint: 1 left, -1 right. A link and a slider meet ahead (1) or behind (-1),
+    along the slide, of the foot of the perpendicular from the link's outer joint. `guesses` says of
+    the body in the middle of each triad roughly where it is at crank angle zero, and
+    `jaxcrusher.mechanism.motion.continued` adds the `courses` from there. Frame and crank have
+    their origins where their axes begin; the crank's angle is that of its x axis.
 
-    Raises ValueError for a joint or a slide of a body that there is not, for one that no dyad
-    needs, for bodies that are no dyads, for another count of `sides`, for a body that has the
-    frame's name, for a bearing that does not join crank and frame, and (concrete values only) for a
-    link whose two joints are one point and for a mass or an inertia that is not positive.
+    Raises ValueError for a joint or a slide of a body that there is not, for one that no group
+    needs, for bodies that are no groups, for another count of `sides`, for a triad without a guess
+    and a guess without one, for a body that has the frame's name, for a bearing that does not join
+    crank and frame, and (concrete values only) for a link whose two joints are one point and for a
+    mass or an inertia that is not positive.
     """
 
     bodies: Named[Body]
@@ -111,12 +116,18 @@ class Linkage(Record):
     sides: tuple[int, ...] = eqx.field(static=True)
     gravity: Scalar = eqx.field(converter=scalar, default=9.81)  # m/s2
     slides: Named[Slide] = eqx.field(default_factory=Named)
+    guesses: Named[Guess] = eqx.field(default_factory=Named)
+    courses: Named[Course] = eqx.field(default_factory=Named)  # of the guessed bodies
 
     def __check_init__(self):
         twice = set(self.joints.names) & set(self.slides.names)
         require(not twice, "slides", "have names that no joint has", ", ".join(twice))
         names = self.ends, self.slides.names, self.bodies.names, self.crank
         links = _links_of(*names, self.bearing, self.sides)
+        middles = {triad.middle for triad in self.triads}
+        for body in sorted(middles ^ {*self.guesses.names}):
+            must = "tell of the body in the middle of each triad where it is at crank angle zero"
+            require(False, "guesses", must, f"{'without' if body in middles else 'of'} {body}")
         for name, body in self.bodies.items() if is_concrete(self.bodies) else ():
             require_positive(f"bodies.{name}.mass", body.mass, "kg")
             require_positive(f"bodies.{name}.inertia", body.inertia, "kg m2")
@@ -141,9 +152,19 @@ class Linkage(Record):
         return functools.reduce(operator.add, (body.mass for body in self.bodies.values))
 
     @property
+    def groups(self) -> tuple[Dyad | Triad, ...]:
+        """Return the dyads and triads, in the order in which they are placed."""
+        return groups_of(self.ends, self.slides.names, self.bodies.names, self.crank)
+
+    @property
     def dyads(self) -> tuple[Dyad, ...]:
-        """Return the pairs of bodies, in the order in which they are placed."""
-        return dyads_of(self.ends, self.slides.names, self.bodies.names, self.crank)
+        """Return the pairs of bodies among the groups."""
+        return dyads_of(self.groups)
+
+    @property
+    def triads(self) -> tuple[Triad, ...]:
+        """Return the groups of four bodies."""
+        return triads_of(self.groups)
 
     def side_of(self, joint: str, body: str) -> Arm:
         """Return where a joint is on one of its two bodies."""
@@ -176,15 +197,15 @@ def _links_of(
         for body in both:
             must = f"join bodies that there are: {', '.join(sorted(known))}"
             require(body in known, name, must, f"at {body}")
-    dyads = dyads_of(ends, slides, bodies, crank)
-    used = {bearing}.union(*((d.first_joint, d.second_joint, d.meeting) for d in dyads))
+    groups = groups_of(ends, slides, bodies, crank)
+    dyads, legs = dyads_of(groups), [leg for group in groups for leg in group.legs]
+    used = {bearing}.union(*((leg.joint, leg.meeting) for leg in legs))
     more = [name for name, *_ in ends if name not in used]
-    must = "be the crank's bearing and three of each dyad"
+    must = "be the crank's bearing, six of each triad and three of each dyad"
     require(not more, "joints", must, f"also {', '.join(more)}")
     require(len(sides) == len(dyads), "sides", "hold one of each dyad", sides)
     good = all(side in (-1, 1) for side in sides)
     require(good, "sides", "hold 1 or -1 of each dyad", sides)
-    links = [(d.first, d.first_joint, d.meeting) for d in dyads]
-    links += [(d.second, d.second_joint, d.meeting) for d in dyads]
+    links = [(leg.body, leg.joint, leg.meeting) for leg in legs]
     links += [(crank, name, bearing) for name, *both in ends if crank in both]
     return tuple(one for one in links if one[1] != one[2] and one[1] not in slides)

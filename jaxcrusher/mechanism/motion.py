@@ -2,17 +2,33 @@
 
 All is relative to the frame and in its axes. The bodies of a dyad follow by where two circles meet
 or of a circle and a line, their spins by the lever formula: no trigonometry, and one square root a
-dyad.
+dyad. Of a triad the body in the middle is found by Newton's method (`triads`).
 """
 
-import jax.numpy as jnp
-from jaxtyping import Scalar
+import dataclasses
 
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Scalar
+
+from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import Arm, Vector, arm_to, direction, minus, or_zero, plus
 from jaxcrusher.basics.record import Record
 from jaxcrusher.mechanism.linkage import Joint, Linkage, Point
 from jaxcrusher.mechanism.named import Named
-from jaxcrusher.mechanism.topology import FRAME, Dyad
+from jaxcrusher.mechanism.topology import FRAME, Dyad, Leg, Triad
+from jaxcrusher.mechanism.triads import (
+    AbstractCourse,
+    AbstractHold,
+    Lines,
+    Rail,
+    Rod,
+    Spot,
+    course_through,
+    size_squared,
+)
 
 
 class Crank(Record):
@@ -102,19 +118,31 @@ def _velocity(poses: Named[Pose], point: Point) -> Vector | None:
     return None if pose is None else pose.velocity(point.arm)
 
 
-def moving(linkage: Linkage, crank: Crank, e: Named[Vector], rates: Named[Vector]) -> Motion:
+def moving(
+    linkage: Linkage,
+    crank: Crank,
+    e: Named[Vector],
+    rates: Named[Vector],
+    courses: Named[AbstractCourse] | None = None,
+) -> Motion:
     """Return the motion whose pins are `e` (m) off their bores and move there at `rates` (m/s).
 
-    A joint that has no eccentricity is held together.
+    A joint that has no eccentricity is held together. `courses` say where the bodies in the middle
+    of triads are looked for, if not on those of the linkage. A triad that is not found is NaN.
     """
     so_far = Motion(linkage, crank, Named(), e, rates)
     place, rate = _hung(so_far, linkage.bearing, linkage.crank)
     anchor = linkage.side_of(linkage.bearing, linkage.crank)
     poses = {linkage.crank: Pose(direction(crank.angle), crank.speed, anchor, place, rate)}
-    for dyad, side in zip(linkage.dyads, linkage.sides, strict=True):
+    sides = iter(linkage.sides)
+    for group in linkage.groups:
         so_far = Motion(linkage, crank, Named(poses), e, rates)
-        placed = _link_and_slider if dyad.second_joint in linkage.slides else _two_links
-        poses |= placed(so_far, dyad, side)
+        if isinstance(group, Triad):
+            course = (linkage.courses if courses is None else courses)[group.middle]
+            poses |= _three_and_middle(so_far, group, course)
+            continue
+        placed = _link_and_slider if group.second_joint in linkage.slides else _two_links
+        poses |= placed(so_far, group, next(sides))
     return Motion(linkage, crank, Named(poses), e, rates)
 
 
@@ -180,16 +208,9 @@ def _link_and_slider(motion: Motion, dyad: Dyad, side: int) -> dict[str, Pose]:
     """
     linkage = motion.linkage
     start, start_rate = _hung(motion, dyad.first_joint, dyad.first)
-    slide, axis = linkage.slides.at(dyad.second_joint), Vector(1.0, 0.0)
-    ahead, begin = slide.direction, _position(motion.poses, slide.ends.bore)
-    drift, tilting = None, None
-    if (play := motion.eccentricities[dyad.second_joint]) is not None:
-        leaving = motion.rates.at(dyad.second_joint)
-        axis, tilting = direction(play.y / slide.half_length), leaving.y / slide.half_length
-        begin, drift = plus(begin, play.x * ahead.perp()), leaving.x * ahead.perp()
-    on_slider = linkage.side_of(dyad.meeting, dyad.second).along(axis)
-    turned = None if on_slider is None or tilting is None else tilting * on_slider.perp()
-    still = minus(plus(begin, on_slider), start), minus(plus(drift, turned), start_rate)
+    rail, pin = _on_rail(motion, dyad.second_joint), linkage.side_of(dyad.meeting, dyad.second)
+    ahead = linkage.slides.at(dyad.second_joint).direction
+    still = minus(rail.position(pin), start), minus(rail.velocity(pin), start_rate)
     span, change = map(or_zero, _parted(motion, dyad.meeting, dyad.first, *still))
     arm = linkage.side_of(dyad.first_joint, dyad.first)
     link = _Link(linkage.side_of(dyad.meeting, dyad.first) - arm)
@@ -197,12 +218,136 @@ def _link_and_slider(motion: Motion, dyad: Dyad, side: int) -> dict[str, Pose]:
     from_foot = side * jnp.sqrt(link.length**2 - distance**2)
     u = (from_foot * ahead + distance * ahead.perp()) / link.length
     spin = ahead.cross(change) / from_foot
-    place = plus(begin, (from_foot - ahead.dot(span)) * ahead)
+    way = from_foot - ahead.dot(span)
     speed = -(spin * distance + ahead.dot(change))
     return {
         dyad.first: Pose(link.axis(u), spin, arm, start, start_rate),
-        dyad.second: Pose(axis, tilting, Arm(), place, plus(drift, speed * ahead)),
+        dyad.second: _moved(rail, way * ahead, speed * ahead),
     }
+
+
+def _on_rail(motion: Motion, name: str) -> Pose:
+    """Return the pose of a slider whose way along its slide is zero.
+
+    In a guide with a gap it lies off the line, and is tilted.
+    """
+    slide = motion.linkage.slides.at(name)
+    begin = _position(motion.poses, slide.ends.bore)
+    play, leaving = motion.eccentricities[name], motion.rates[name]
+    if play is None:
+        return Pose(Vector(1.0, 0.0), None, Arm(), begin, None)
+    across, axis = slide.direction.perp(), direction(play.y / slide.half_length)
+    place = plus(begin, play.x * across)
+    if leaving is None:
+        return Pose(axis, None, Arm(), place, None)
+    return Pose(axis, leaving.y / slide.half_length, Arm(), place, leaving.x * across)
+
+
+def _moved(pose: Pose, way: Vector, speed: Vector) -> Pose:
+    """Return the pose of a body that has moved without turning, with its speed along that way."""
+    place, rate = plus(pose.place, way), plus(pose.rate, speed)
+    return Pose(pose.axis, pose.spin, pose.anchor, place, rate)
+
+
+def _three_and_middle(
+    motion: Motion, triad: Triad, course: AbstractCourse | None
+) -> dict[str, Pose]:
+    """Return the poses of a triad: that of its middle body by what holds it, then of its legs."""
+    must = f"be continued round a turn, for the course of {triad.middle}"
+    require(course is not None, "linkage", must, "without it")
+    assert course is not None
+    holds = _holds(motion, triad)
+    spot = course.placed(holds, motion.crank.angle)
+    lines = Lines(holds, spot)
+    fed = zip(holds, lines.normals, strict=True)
+    velocity, spin = lines.solve([None if h.rate is None else n.dot(h.rate) for h, n in fed])
+    poses = {triad.middle: Pose(spot.axis, spin, Arm(), spot.place, velocity)}
+    for leg, hold, arm, u in zip(triad.legs, holds, lines.arms, lines.reaches, strict=True):
+        rate = plus(velocity, None if arm is None else spin * arm.perp())
+        poses[leg.body] = _leg(motion, leg, u, or_zero(minus(rate, hold.rate)))
+    return poses
+
+
+def _leg(motion: Motion, leg: Leg, u: Vector, change: Vector) -> Pose:
+    """Return the pose of a body of a triad that hangs outside, of what its hold reaches over."""
+    linkage = motion.linkage
+    if leg.joint in linkage.slides:
+        return _moved(_on_rail(motion, leg.joint), u, change)
+    start, start_rate = _hung(motion, leg.joint, leg.body)
+    arm = linkage.side_of(leg.joint, leg.body)
+    link = _Link(linkage.side_of(leg.meeting, leg.body) - arm)
+    spin = u.cross(change) / link.length**2
+    return Pose(link.axis(u / link.length), spin, arm, start, start_rate)
+
+
+def _holds(motion: Motion, triad: Triad) -> list[AbstractHold]:
+    """Return what holds the middle body of a triad, shifted by the eccentricities of its joints."""
+    linkage, found = motion.linkage, []
+    for leg in triad.legs:
+        arm, on_leg = (linkage.side_of(leg.meeting, body) for body in (triad.middle, leg.body))
+        if leg.joint in linkage.slides:
+            across, rail = (
+                linkage.slides.at(leg.joint).direction.perp(),
+                _on_rail(motion, leg.joint),
+            )
+            line = rail.position(on_leg), rail.velocity(on_leg)
+            base = _parted(motion, leg.meeting, triad.middle, *line)
+            found.append(Rail(arm, *base, across))
+            continue
+        hung = _hung(motion, leg.joint, leg.body)
+        base = _parted(motion, leg.meeting, triad.middle, *hung)
+        length = _Link(on_leg - linkage.side_of(leg.joint, leg.body)).length
+        found.append(Rod(arm, *base, length))
+    return found
+
+
+def triad_lever(motion: Motion, triad: Triad) -> Scalar:
+    """Return the determinant of the lines that hold a triad's middle body, over its size.
+
+    It is zero where they meet in one point, and changes its sign there.
+    """
+    holds, pose = _holds(motion, triad), motion.poses.at(triad.middle)
+    lines = Lines(holds, Spot(or_zero(pose.place), pose.axis))
+    return lines.determinant / jnp.sqrt(size_squared(holds))
+
+
+# Angles of a turn at which bodies of triads are placed, each from the one before.
+COUNT = 120
+
+
+@eqx.filter_jit
+def followed(linkage: Linkage) -> tuple[Named[Spot], Float[Array, "angles triads"]]:
+    """Return where the middle bodies of an ideal linkage are round a turn, and their levers.
+
+    The first of the angles and the last one are 0 and 360 degrees.
+    """
+    held = jax.lax.stop_gradient(linkage)
+
+    def onward(courses, angle):
+        crank = Crank(angle, jnp.zeros_like(angle))
+        motion = moving(held, crank, Named(), Named(), courses)
+        poses = {triad.middle: motion.poses.at(triad.middle) for triad in held.triads}
+        spots = {name: Spot(or_zero(pose.place), pose.axis) for name, pose in poses.items()}
+        return Named(spots), jnp.stack([triad_lever(motion, triad) for triad in held.triads])
+
+    def step(spots, angle):
+        found = onward(spots, angle)
+        return found[0], found
+
+    angles = jnp.asarray(np.linspace(0, 2 * np.pi, COUNT + 1))
+    return jax.lax.scan(step, onward(held.guesses, angles[0])[0], angles)[1]
+
+
+def continued(linkage: Linkage) -> Linkage:
+    """Return the linkage with the courses of its triads, followed round a turn from the guesses.
+
+    It is done once, before anything moves; a linkage whose numbers have changed much needs it anew.
+    """
+    if not linkage.triads:
+        return linkage
+    spots, _ = followed(linkage)
+    turn = jax.tree.map(lambda part: part[:COUNT], spots)
+    return dataclasses.replace(linkage, courses=turn.map(course_through))
 
 
 class _Link:

@@ -1,4 +1,4 @@
-"""Which body hangs on which one: dyads by which bodies are placed, trees of those held together.
+"""Which body hangs on which one: groups by which bodies are placed, trees of those held together.
 
 It knows names alone. A joint is its name, the body of its bore and the body of its pin; a slide is
 the same, of the frame and its slider.
@@ -26,6 +26,39 @@ class Dyad(NamedTuple):
     first_joint: str
     second_joint: str
     meeting: str
+
+    @property
+    def legs(self) -> "tuple[Leg, ...]":
+        """Return the two bodies with their joints."""
+        return (
+            Leg(self.first, self.first_joint, self.meeting),
+            Leg(self.second, self.second_joint, self.meeting),
+        )
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Return both bodies."""
+        return self.first, self.second
+
+
+class Leg(NamedTuple):
+    """A body of a group, the joint or slide that it hangs by, and the joint where it meets."""
+
+    body: str
+    joint: str
+    meeting: str
+
+
+class Triad(NamedTuple):
+    """A body in the middle that meets three others, each hanging on a body before them."""
+
+    middle: str
+    legs: tuple[Leg, ...]
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Return all four, the middle first."""
+        return self.middle, *(leg.body for leg in self.legs)
 
 
 class Branch(NamedTuple):
@@ -63,24 +96,44 @@ def other_body(ends: Ends, joint: str, body: str) -> str:
 
 
 @functools.cache
-def dyads_of(
+def groups_of(
     ends: Ends, slides: tuple[str, ...], bodies: tuple[str, ...], crank: str
-) -> tuple[Dyad, ...]:
-    """Return the dyads that bodies behind frame and crank are placed by, in their order."""
+) -> tuple[Dyad | Triad, ...]:
+    """Return the groups that bodies behind frame and crank are placed by, in their order.
+
+    A triad is only where there is no dyad.
+    """
     placed, left, found = {FRAME, crank}, [body for body in bodies if body != crank], []
     while left:
         pairs = itertools.combinations(left, 2)
-        dyad = next((one for pair in pairs if (one := _dyad(ends, slides, pair, placed))), None)
+        group = next((one for pair in pairs if (one := _dyad(ends, slides, pair, placed))), None)
+        if group is None:
+            group = next((one for body in left if (one := _triad(ends, body, left, placed))), None)
         must = (
             "form dyads, pairs that meet in a joint and hang on bodies before them by another, "
-            "or one of them by a slide"
+            "or one of them by a slide, or triads, a body that meets three which hang so"
         )
-        require(dyad is not None, "bodies", must, ", ".join(left))
-        assert dyad is not None
-        found.append(dyad)
-        placed |= {dyad.first, dyad.second}
+        require(group is not None, "bodies", must, ", ".join(left))
+        assert group is not None
+        found.append(group)
+        placed |= {*group.bodies}
         left = [body for body in left if body not in placed]
     return tuple(found)
+
+
+def dyads_of(groups: tuple[Dyad | Triad, ...]) -> tuple[Dyad, ...]:
+    """Return the dyads among groups."""
+    return tuple(one for one in groups if isinstance(one, Dyad))
+
+
+def triads_of(groups: tuple[Dyad | Triad, ...]) -> tuple[Triad, ...]:
+    """Return the triads among groups."""
+    return tuple(one for one in groups if isinstance(one, Triad))
+
+
+def _hanging(ends: Ends, body: str, placed: set[str]) -> list[str]:
+    """Return the joints by which a body hangs on one that is placed."""
+    return [n for n, *both in ends if body in both and other_body(ends, n, body) in placed]
 
 
 def _dyad(
@@ -88,10 +141,7 @@ def _dyad(
 ) -> Dyad | None:
     first, second = pair
     meeting = [name for name, *both in ends if set(both) == set(pair)]
-    outer = [
-        [name for name, *both in ends if body in both and other_body(ends, name, body) in placed]
-        for body in pair
-    ]
+    outer = [_hanging(ends, body, placed) for body in pair]
     if not all((meeting, *outer)):
         return None
     by = [names[0] for names in outer]
@@ -100,6 +150,16 @@ def _dyad(
     if by[0] in slides:
         return None  # two sliders cannot move
     return Dyad(first, second, by[0], by[1], meeting[0])
+
+
+def _triad(ends: Ends, middle: str, left: list[str], placed: set[str]) -> Triad | None:
+    legs = []
+    for body in left:
+        meeting = [name for name, *both in ends if {*both} == {body, middle}]
+        hanging = _hanging(ends, body, placed)
+        if meeting and hanging:
+            legs.append(Leg(body, hanging[0], meeting[0]))
+    return Triad(middle, tuple(legs[:3])) if len(legs) >= 3 else None
 
 
 @functools.cache

@@ -27,7 +27,9 @@ bandwidth and seed), `[springs.NAME]` (begin, end, stiffness, length, damping, p
 whose motion is told, `[foundation]` as of a crusher, and `[assembly]`: the side of each dyad, by
 one of its bodies. Two links meet to the left (1) or to the right (-1) of the line from the outer
 joint of the named one to the other's; a link and a slider meet ahead (1) or behind (-1) along the
-slide. The dyads follow from the joints.
+slide. Of a triad, a body that meets three others which hang on bodies before them, it says roughly
+where the one in the middle is at crank angle zero: `coupler = ["300 mm", "0 mm", "10 deg"]`, the
+place of its origin and the angle of its x axis. Dyads and triads follow from the joints.
 Numbers are named by their place, as `joints.B.clearance` and `bodies.rod.mass_centre.x`.
 """
 
@@ -50,10 +52,28 @@ from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractGap
 from jaxcrusher.mechanism.acting import AbstractPush, Push, PushByAngle, Spring, rough_feed
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
-from jaxcrusher.mechanism.motion import ideal_at_rest
+from jaxcrusher.mechanism.motion import (
+    COUNT,
+    Motion,
+    continued,
+    followed,
+    ideal_at_rest,
+    moving,
+    triad_lever,
+)
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import Scene
-from jaxcrusher.mechanism.topology import FRAME, dyads_of, other_body
+from jaxcrusher.mechanism.topology import (
+    FRAME,
+    Dyad,
+    Ends,
+    Triad,
+    dyads_of,
+    groups_of,
+    other_body,
+    triads_of,
+)
+from jaxcrusher.mechanism.triads import Guess
 from jaxcrusher.scenes.build import drive_of, foundation_of, friction_of, guide_of, joint_of
 from jaxcrusher.scenes.load_curve import load_curve, read_curve
 from jaxcrusher.scenes.machine import AbstractStructure, Machine
@@ -104,6 +124,11 @@ def _usual(name: str, *comes_with: str) -> Key:
 _LOOSE, _LUBRICATED, _RUBBING = ("clearance",), ("film.viscosity",), ("friction",)
 _PLACE = Parameter(0.0, "m", "of a point in its body's axes", (-1e3, 1e3), 1.0)
 _DIRECTION = Parameter(0.0, "1", "of a direction", (-1e6, 1e6), 1.0)
+_GUESS = {
+    "x": Key(_PLACE),
+    "y": Key(_PLACE),
+    "angle": Key(Parameter(0.0, "rad", "of the body's x axis, roughly", (-10, 10), 1.0)),
+}
 _FORCE = Parameter(0.0, "N", "of a force in the frame's axes", (-1e12, 1e12), 1e3)
 # Section of a file -> the keys of each of its tables. A body, a curve and the body of a point tie
 # the drawing together; all else are numbers and choices of the machine.
@@ -265,6 +290,8 @@ class Drawing(AbstractStructure):
                         found |= {f"{at}{word}".rstrip(".") + axis: zero for axis in (".x", ".y")}
                     elif not key.shape:
                         found[at + word] = own
+        for triad in triads_of(_groups(self.joints, self.slides, self.bodies, self.crank)):
+            found |= {f"assembly.{triad.middle}.{word}": key for word, key in _GUESS.items()}
         return found
 
     def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -355,8 +382,21 @@ class Drawing(AbstractStructure):
             slides[name] = Slide(body, _vector(v, f"{at}.along"), _arm(v, f"{at}.through"), *sizes)
         gravity = v.get("gravity", PARAMETERS["gravity"].default)
         bearing = next(n for n, *both in self.joints if {self.crank, FRAME} == set(both))
+        guesses = {
+            name: Guess(_vector(v, f"assembly.{name}"), v[f"assembly.{name}.angle"])
+            for name in self.bodies
+            if f"assembly.{name}.angle" in self.keys
+        }
         parts = Named(bodies), Named(joints), self.crank, bearing, self.sides, gravity
-        return Linkage(*parts, slides=Named(slides))
+        return continued(Linkage(*parts, slides=Named(slides), guesses=Named(guesses)))
+
+
+def _groups(
+    joints: Ends, slides: tuple[tuple[str, str], ...], bodies: tuple[str, ...], crank: str
+) -> tuple[Dyad | Triad, ...]:
+    """Return the groups of a drawing's bodies."""
+    ends = (*joints, *((name, FRAME, body) for name, body in slides))
+    return groups_of(ends, tuple(name for name, _ in slides), bodies, crank)
 
 
 def _arm(values: Mapping[str, Any], name: str) -> Arm:
@@ -472,15 +512,26 @@ class _Tables:
         require(body in known, name, must, "missing" if body is None else repr(body))
         return str(body)
 
-    def sides(self, dyads: Iterable[Any]) -> tuple[tuple[int, ...], list[str]]:
-        """Return the side of each dyad, seen from its first body, and which are not given: 1."""
+    def sides(self, groups: tuple[Dyad | Triad, ...]) -> tuple[tuple[int, ...], list[str]]:
+        """Return the side of each dyad, seen from its first body, and which are not given: 1.
+
+        Leave the numbers of the guess of each triad to be read.
+        """
         named = [name for name in self.entries if name.startswith("assembly.")]
         given = {name.partition(".")[2]: self.entries.pop(name) for name in named}
+        for triad in triads_of(groups):
+            name, guess = f"assembly.{triad.middle}", given.pop(triad.middle, None)
+            good = isinstance(guess, list | tuple) and len(guess) == 3
+            must = "say roughly where the body is at crank angle zero, [x, y, angle]"
+            must += f", as it meets {', '.join(triad.bodies[1:])} in a triad"
+            require(good, name, must, "missing" if guess is None else repr(guess))
+            assert guess is not None
+            self.entries |= {f"{name}.{word}": one for word, one in zip(_GUESS, guess, strict=True)}
         for body, side in given.items():
             good = not isinstance(side, bool) and side in (-1, 1)
             require(good, f"assembly.{body}", "be 1 or -1", repr(side))
         sides, left = [], []
-        for dyad in dyads:
+        for dyad in dyads_of(groups):
             slid = dyad.second_joint in self.items["slides"]
             seen = {dyad.first: 1, dyad.second: 1 if slid else -1}
             told = {seen[body] * given.pop(body) for body in seen if body in given}
@@ -499,7 +550,7 @@ def drawn(
     """Return the drawing of a description, its numbers and choices, and which sides it leaves out.
 
     The numbers and choices are as they are written, each by its name. Raises ValueError of one line
-    for a key that is unknown, a body that there is not, and bodies that are no dyads.
+    for a key that is unknown, a body that there is not, and bodies that are no groups.
     """
     tables = _Tables(entries, folder)
     bodies = tables.items["bodies"]
@@ -517,8 +568,7 @@ def drawn(
     require(held, "crank", "have a joint to the frame", f"{crank!r} without one")
     for item, body, _ in forces:
         require(body != FRAME, f"forces.{item}.body", "be a body that moves", repr(FRAME))
-    ends = (*joints, *((name, FRAME, body) for name, body in slides))
-    sides, left = tables.sides(dyads_of(ends, tuple(n for n, _ in slides), bodies, crank))
+    sides, left = tables.sides(_groups(joints, slides, bodies, crank))
     drawing = Drawing(**tied | {"crank": crank, "bodies": bodies, "sides": sides})
     return drawing, list(tables.entries.items()), left
 
@@ -533,7 +583,8 @@ def _curve(name: str, given: Any, folder: Path) -> tuple:
 
 # Least sine of the angle between two links, or between a link and the perpendicular of its slide. A
 # linkage that passes a dead point comes as close to zero within half a degree of its crank, and
-# contacts let pins go a little further than their clearance.
+# contacts let pins go a little further than their clearance. Of a triad it is the determinant of
+# the lines of force on the body in the middle, over its size (`triads`), a product of such sines.
 LEAST_LEVER = 0.02
 
 
@@ -561,7 +612,13 @@ def _levers(linkage: Linkage, clearances: Mapping[str, Any], angles: Any) -> lis
             place, off, turned = reach[other_body(linkage.ends, joint, body)]
             return at, off + norm(at - place, 0.0) * turned + play(joint)
 
-        for dyad in linkage.dyads:
+        for group in linkage.groups:
+            if isinstance(group, Triad):
+                least, moved = _shifted(linkage, clearances, motion, group)
+                found.append((jnp.abs(triad_lever(motion, group)), least))
+                reach |= moved
+                continue
+            dyad = group
             meeting = motion.position(Point(dyad.first, linkage.side_of(dyad.meeting, dyad.first)))
             begin, off = outer(dyad.first_joint, dyad.first)
             u, total = meeting - begin, off + play(dyad.meeting)
@@ -572,7 +629,7 @@ def _levers(linkage: Linkage, clearances: Mapping[str, Any], angles: Any) -> lis
                 if slide.length is not None:  # between its edges it tilts, and its joint moves
                     lever = norm(linkage.side_of(dyad.meeting, dyad.second).vector(), 0.0)
                     total = total + play(dyad.second_joint) * (1 + lever / slide.half_length)
-                share = jnp.abs(linkage.slides.at(dyad.second_joint).direction.cross(u)) / length
+                share = jnp.abs(slide.direction.cross(u)) / length
                 cosines = jnp.array([share, share + total / length])
             else:
                 end, off_end = outer(dyad.second_joint, dyad.second)
@@ -591,21 +648,67 @@ def _levers(linkage: Linkage, clearances: Mapping[str, Any], angles: Any) -> lis
     return jax.vmap(one)(angles)
 
 
-def require_closing(linkage: Linkage, clearances: Mapping[str, Any]) -> None:
-    """Raise ValueError for known numbers by which a dyad is open, or dead, at some degree.
+def _shifted(
+    linkage: Linkage, clearances: Mapping[str, Any], motion: Motion, triad: Triad
+) -> tuple[Any, dict[str, tuple]]:
+    """Return the least lever of a triad by all eccentricities, and the reach of its bodies.
 
-    The pins of loose joints may be anywhere in their clearance meanwhile.
+    These are bounds of first order: each pin goes its clearance in the direction that counts most.
+    That of the lever is of its square, which falls evenly to where a triad opens.
+    """
+    count = len(triad.bodies)
+
+    def seen(e: Any) -> Any:
+        pins = Named({name: Vector(*at) for name, at in zip(clearances, e, strict=True)})
+        off = moving(linkage, motion.crank, pins, Named())
+        turned = [motion.axis(body).cross(off.axis(body)) for body in triad.bodies]
+        begins = [off.position(Point(body)) for body in triad.bodies]
+        every = [triad_lever(off, triad) ** 2, *turned]
+        return jnp.stack([*every, *(at.x for at in begins), *(at.y for at in begins)])
+
+    slopes = jax.jacfwd(seen)(jnp.zeros((len(clearances), 2)))
+    radii = jnp.array([clearances[name] for name in clearances])
+    most = jnp.hypot(slopes[:, :, 0], slopes[:, :, 1]) @ radii
+    turned, x, y = most[1 : count + 1], most[count + 1 : -count], most[-count:]
+    places = [motion.position(Point(body)) for body in triad.bodies]
+    moved = zip(places, jnp.hypot(x, y), turned, strict=True)
+    least = jnp.sqrt(triad_lever(motion, triad) ** 2 - most[0])
+    return least, dict(zip(triad.bodies, moved, strict=True))
+
+
+def require_closing(linkage: Linkage, clearances: Mapping[str, Any]) -> None:
+    """Raise ValueError for known numbers by which a group is open, or dead, at some degree.
+
+    The pins of loose joints may be anywhere in their clearance meanwhile. So it is where a triad
+    does not come back to itself after a turn.
     """
     if not is_concrete((linkage, clearances)):
         return
     with jax.ensure_compile_time_eval():
         levers = _levers(linkage, clearances, jnp.radians(jnp.arange(360.0)))
-    for dyad, both in zip(linkage.dyads, levers, strict=True):
-        must = f"let {dyad.first} and {dyad.second} meet at every angle of the crank"
+    for group, both in zip(linkage.groups, levers, strict=True):
+        must = f"let {' and '.join(group.bodies)} meet at every angle of the crank"
+        missed = "open"
+        if isinstance(group, Triad):
+            _require_following(linkage, group, must)
+            missed = "open, or goes too unevenly to be found,"
         for lever, where in zip(map(np.asarray, both), ("", " with all clearances"), strict=True):
             for bad, told in (
-                (np.isnan(lever), "open"),
+                (np.isnan(lever), missed),
                 (lever < LEAST_LEVER, "at a dead point, from which they may go on either way,"),
             ):
                 value = f"{told} at a crank angle of {np.argmax(bad)} deg"
                 require(not bad.any(), "bodies", must + where, value)
+
+
+def _require_following(linkage: Linkage, triad: Triad, must: str) -> None:
+    """Raise ValueError for a triad that cannot be followed from its guess round a turn."""
+    with jax.ensure_compile_time_eval():
+        spots, levers = jax.device_get(followed(linkage))
+    bad = np.isnan(levers[:, linkage.triads.index(triad)])
+    value = f"open at a crank angle of {360 // COUNT * np.argmax(bad)} deg"
+    require(not bad.any(), "bodies", must, value)
+    spot = spots.at(triad.middle)
+    off = jnp.stack([part[-1] - part[0] for part in jax.tree.leaves(spot)])
+    must = f"come back to where {triad.middle} was after a turn of the crank"
+    require(bool(jnp.abs(off).max() < 1e-6), "bodies", must, "together in another way then")

@@ -10,9 +10,11 @@ from jaxcrusher.joint.normal import ConstantImpactVelocity, LankaraniNikravesh
 from jaxcrusher.mechanism.acting import Push
 from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
+from jaxcrusher.mechanism.motion import continued
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.topology import FRAME
+from jaxcrusher.mechanism.triads import Guess
 
 RUBBING = AmbrosioFriction(SurfaceSlip(), 0.1)
 
@@ -101,10 +103,66 @@ def press():
     return Linkage(Named(bodies), Named(joints), "crank", "base", (1, -1), slides=one.slides)
 
 
+def stephenson():
+    """A plate on three bent bars, of which one hangs on the crank: a triad, pins either way."""
+    bodies = {
+        "plate": Body(3.0, 0.05, Arm(0.05, 0.06)),
+        "crank": Body(2.0, 0.01, Arm(0.02, 0.01)),
+        "rod": Body(1.0, 0.02, Arm(0.1, 0.01)),
+        "rocker": Body(2.0, 0.03, Arm(0.1, -0.02)),
+        "upper": Body(2.0, 0.03, Arm(0.1, 0.02)),
+    }
+    joints = {
+        "base": Joint(Point(FRAME), Point("crank")),
+        "big end": Joint(Point("rod"), Point("crank", Arm(0.035))),
+        "small end": Joint(Point("rod", Arm(0.25, 0.02)), Point("plate")),
+        "middle": Joint(Point("plate", Arm(0.15)), Point("rocker", Arm(0.2))),
+        "corner": Joint(Point("upper", Arm(0.22, 0.01)), Point("plate", Arm(0.07, 0.12))),
+        "pivot": Joint(Point(FRAME, Arm(0.42, -0.2)), Point("rocker")),
+        "ceiling": Joint(Point("upper"), Point(FRAME, Arm(0.36, 0.34))),
+    }
+    guesses = Named({"plate": Guess(Vector(0.27, 0.05), 0.1)})
+    return Linkage(Named(bodies), Named(joints), "crank", "base", (), guesses=guesses)
+
+
+def chain():
+    """The same, and behind it a triad with a slider, and a dyad on the middle of that."""
+    one = stephenson()
+    more = {
+        "strap": Body(0.5, 0.002, Arm(0.08)),
+        "lever": Body(0.6, 0.003, Arm(0.1)),
+        "slider": Body(0.5, 0.001, Arm(-0.01, 0.02)),
+        "prop": Body(0.8, 0.004, Arm(0.1, 0.01)),
+        "link": Body(0.7, 0.003, Arm(0.1)),
+        "table": Body(1.0, 0.01, Arm(0.04, 0.03)),
+    }
+    joints = {
+        "hook": Joint(Point("rocker", Arm(0.14, -0.03)), Point("link")),
+        "edge": Joint(Point("table"), Point("link", Arm(0.18))),
+        "foot": Joint(Point(FRAME, Arm(0.7, -0.3)), Point("prop")),
+        "knee": Joint(Point("prop", Arm(0.22, 0.01)), Point("table", Arm(0.08, -0.02))),
+        "wrist": Joint(Point("table", Arm(0.04, 0.12)), Point("slider", Arm(0.01, -0.015))),
+        "eye": Joint(Point("table", Arm(0.1, 0.05)), Point("strap")),
+        "end": Joint(Point("strap", Arm(0.15)), Point("lever", Arm(0.19))),
+        "ground": Joint(Point(FRAME, Arm(0.87, -0.2)), Point("lever")),
+    }
+    slides = {"guide": Slide("slider", Vector(0.1, 1.0), Arm(0.65, 0.02), 0.05, 0.03)}
+    return Linkage(
+        Named({**dict(one.bodies.items()), **more}),
+        Named({**dict(one.joints.items()), **joints}),
+        "crank",
+        "base",
+        (1,),
+        slides=Named(slides),
+        guesses=Named({**dict(one.guesses.items()), "table": Guess(Vector(0.6, -0.05), 0.1)}),
+    )
+
+
 @pytest.fixture(scope="session")
 def linkages():
     made = {"four-bar": four_bar(), "six-bar": six_bar()}
-    return made | {"slider-crank": slider_crank(), "press": press()}
+    made |= {"slider-crank": slider_crank(), "press": press()}
+    return made | {"stephenson": continued(stephenson()), "chain": continued(chain())}
 
 
 @pytest.fixture(scope="session")

@@ -60,6 +60,17 @@ LOOSE = {
         ("guide", "upper"),
         ("rubbing guide", "wrist", "middle"),
     ],
+    # Triads: what meets in the middle, what they hang by, and the slider's.
+    "stephenson": [(), ("middle",), ("corner", "ceiling"), ("big end", "small end"), "all"],
+    "chain": [
+        (),
+        ("hook",),
+        ("wrist", "eye"),
+        ("knee", "middle"),
+        "all",
+        ("guide", "hook"),
+        ("rubbing guide", "eye"),
+    ],
 }
 ONE, OTHER = [
     [

@@ -20,7 +20,7 @@ def apart(motion, joint):
     return motion.position(joint.pin) - motion.position(joint.bore)
 
 
-EVERY = ["four-bar", "six-bar", "slider-crank", "press"]
+EVERY = ["four-bar", "six-bar", "slider-crank", "press", "stephenson", "chain"]
 
 
 @pytest.mark.parametrize("name", EVERY)

@@ -52,8 +52,9 @@ CASES = [
 
 @pytest.mark.parametrize(("made", "name", "value"), slow(*CASES))
 def test_an_orbit_has_slopes_by_the_numbers_of_a_guide(made, name, value):
-    """Central differences over 1e-4 of a value leave 1e-8 of the third derivatives, and rounding
-    of orbits that are known to 1e-13 a share of 1e-9 of the value.
+    """Central differences over 1e-3 of a value leave 1e-6 of third derivatives of order one.
+
+    Orbits are known to 1e-14 of torques of 0.1 N m: over 1e-6 m that is 3e-7 of the slope.
     """
     orbit = jc.periodic_orbit(made().scene())
     assert bool(orbit.stable)
@@ -62,7 +63,7 @@ def test_an_orbit_has_slopes_by_the_numbers_of_a_guide(made, name, value):
         found = jc.periodic_orbit(made().scene(**{name: number}), guess=orbit)
         return found.values["drive_torque_rms"]
 
-    step = 1e-4 * value
+    step = 1e-3 * value
     difference = (torque(value + step) - torque(value - step)) / (2 * step)
     slope = jax.grad(torque)(value)
     assert float(slope) == pytest.approx(float(difference), rel=2e-6)
@@ -75,10 +76,11 @@ def test_an_orbit_has_slopes_by_the_numbers_of_a_guide(made, name, value):
 def test_lanes_have_the_same_statistics(made):
     """The engine of sweeps steps as the lone run does, with another order of sums."""
     machine = made(speed=300.0)
-    grid = jc.sweep(machine, {"speed": [300.0, 310.0]}, 1, 1, rtol=1e-9)
-    alone = jc.statistics(machine.scene(), 1, 1, rtol=1e-11)
-    # Impacts of the loose guide tear trajectories apart by exp(200 t): 1e-9 becomes 1e-5.
-    assert float(grid.shaking_rms[0]) == pytest.approx(float(alone.shaking_rms), rel=1e-4)
+    grid = jc.sweep(machine, {"speed": [300.0, 310.0]}, 0, 1, rtol=1e-9)
+    alone = jc.statistics(machine.scene(), 0, 1, rtol=1e-11)
+    # Impacts of the loose guide tear trajectories apart, by exp(200 t) or more: 1e-9 becomes 1e-7
+    # over the 21 ms of a turn.
+    assert float(grid.shaking_rms[0]) == pytest.approx(float(alone.shaking_rms), rel=1e-6)
 
 
 def test_each_gap_has_a_picture():

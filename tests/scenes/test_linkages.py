@@ -15,7 +15,7 @@ from jaxcrusher.crusher.machine import require_crusher
 from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.acting import RoughFeed, rough_feed
 from jaxcrusher.mechanism.linkage import Point
-from jaxcrusher.mechanism.motion import Crank, moving
+from jaxcrusher.mechanism.motion import Crank, ideal_at_rest, moving, triad_lever
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.observables import kinetic_energy
 from jaxcrusher.scenes.build import build_linkage
@@ -23,7 +23,7 @@ from jaxcrusher.scenes.linkages import LEAST_LEVER, _levers
 from jaxcrusher.scenes.reader import linkage, read_machine, read_scene
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-NAMES = ("slider_crank", "four_bar", "double_toggle")
+NAMES = ("slider_crank", "four_bar", "double_toggle", "six_bar")
 PLAIN = {
     "crank": "crank",
     "speed": 20.0,
@@ -362,6 +362,173 @@ def test_a_diameter_is_twice_a_radius():
     assert float(joint.clearance) == 1e-4 and float(joint.bore_radius) == 0.01
 
 
+def loosened(joints, **clearances):
+    """Joints of which some have a clearance."""
+    loose = {name: {"clearance": c, "bore_radius": 0.05} for name, c in clearances.items()}
+    return {name: joint | loose.get(name, {}) for name, joint in joints.items()}
+
+
+STEPHENSON = {
+    "crank": "crank",
+    "speed": 20.0,
+    "bodies": {
+        name: {"mass": 1.0, "inertia": 0.01} for name in ("crank", "rod", "plate", "lower", "upper")
+    },
+    "joints": {
+        "O": {"bore": ["frame", 0, 0], "pin": ["crank", 0, 0]},
+        "A": {"bore": ["rod", 0, 0], "pin": ["crank", 0.035, 0]},
+        "B": {"bore": ["rod", 0.25, 0], "pin": ["plate", 0, 0]},
+        "C": {"bore": ["plate", 0.15, 0], "pin": ["lower", 0.2, 0]},
+        "D": {"bore": ["plate", 0.07, 0.12], "pin": ["upper", 0.22, 0]},
+        "E": {"bore": ["frame", 0.42, -0.2], "pin": ["lower", 0, 0]},
+        "F": {"bore": ["frame", 0.36, 0.34], "pin": ["upper", 0, 0]},
+    },
+    "assembly": {"plate": [0.28, 0.0, 0.0]},
+}
+
+
+def stephenson(assembly=STEPHENSON["assembly"], **pins):
+    """The triad of the examples with other places of pins and bores, as B_bore=(0.2, 0)."""
+    joints = {name: dict(one) for name, one in STEPHENSON["joints"].items()}
+    for name, place in pins.items():
+        joint, end = name.split("_")
+        joints[joint][end] = [joints[joint][end][0], *place]
+    return STEPHENSON | {"joints": joints, "assembly": assembly}
+
+
+# One that is put together in another way after a turn, and in the first one after two.
+TWICE = stephenson(
+    {"plate": [-0.0594, -0.1477, "-38.29 deg"]},
+    A_pin=(0.0762, 0),
+    B_bore=(0.2719, 0),
+    C_bore=(0.1923, 0),
+    C_pin=(0.1878, 0),
+    D_bore=(0.0795, 0.0811),
+    D_pin=(0.3063, 0),
+    E_bore=(0.1014, 0.0152),
+    F_bore=(-0.0693, -0.1458),
+)
+PLATE = "let plate and rod and lower and upper meet at every angle of the crank"
+
+
+@pytest.mark.parametrize(
+    ("description", "words"),
+    [
+        (
+            stephenson({}),
+            "assembly.plate` must say roughly where the body is at crank angle zero, [x, y, angle],"
+            " as it meets rod, lower, upper in a triad, but is missing",
+        ),
+        (stephenson({"plate": 1}), "[x, y, angle], as it meets rod, lower, upper in a triad, but "),
+        (stephenson({"plate": [0.2, 0.0]}), "in a triad, but is [0.2, 0.0]"),
+        (
+            stephenson({"plate": [0.28, 0.0, 0.0], "rod": 1}),
+            "assembly.rod` must name a body of a dyad, but is none",
+        ),
+        (stephenson({"plate": [0.28, 0.0, 12.0]}), "assembly.plate.angle` must lie in [-"),
+        (stephenson(C_pin=(0.19, 0)), f"{PLATE}, but is open at a crank angle of 147 deg"),
+        (stephenson(B_bore=(0.9, 0)), f"{PLATE}, but is open at a crank angle of 0 deg"),
+        (
+            stephenson(C_pin=(0.1947, 0)),
+            f"{PLATE}, but is open, or goes too unevenly to be found, at a crank angle of 189 deg",
+        ),
+        (
+            stephenson(C_pin=(0.19472, 0)),
+            f"{PLATE}, but is at a dead point, from which they may go on either way,",
+        ),
+        (TWICE, "come back to where plate was after a turn of the crank, but is together in anoth"),
+        (
+            STEPHENSON | {"joints": loosened(STEPHENSON["joints"], C=8e-3)},
+            f"{PLATE} with all clearances, but is open",
+        ),
+    ],
+)
+def test_a_triad_that_does_not_go_round_is_refused(description, words):
+    """With the crank's angle. It is dead where its lower bar is 0.194695 m long."""
+    with pytest.raises(ValueError, match=re.escape(words)) as caught:
+        linkage(**description)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_guess_is_three_numbers_of_the_machine():
+    machine = read_machine(EXAMPLES / "six_bar.toml", [("assembly.plate.angle", "5 deg")])
+    units = {word: machine.numbers[f"assembly.plate.{word}"].unit for word in ("x", "y", "angle")}
+    assert units == {"x": "m", "y": "m", "angle": "rad"}
+    assert machine.number("assembly.plate.angle") == pytest.approx(np.radians(5), rel=1e-15)
+    guess = machine.scene(**{"assembly.plate.x": 0.27}).linkage.guesses.at("plate")
+    assert (float(guess.place.x), float(guess.place.y)) == (0.27, 0.0)
+    # Any guess leads to the same place, to rounding.
+    one, other = (machine.scene(**{"assembly.plate.x": x}) for x in (0.25, 0.3))
+    places = [ideal_at_rest(scene.linkage, 1.0).centre("upper").array() for scene in (one, other)]
+    np.testing.assert_allclose(*places, rtol=0, atol=1e-15)
+
+
+def test_a_triad_in_lanes_moves_as_by_itself():
+    """A length is swept, so that each lane follows its own course; one that is open is no number.
+
+    The pin is pressed, and steps of 1e-9 are not multiplied by impacts.
+    """
+    machine, name = read_machine(EXAMPLES / "six_bar.toml"), "joints.C.pin.x"
+    names = ("shaking_rms", "drive_torque_rms", "C_force_peak")
+    found = jc.sweep(machine, {name: [0.199, 0.202]}, 0, 1, outputs=names, rtol=1e-9)
+    assert found.success.all()
+
+    def alone(length):
+        scene = machine.scene(**{name: length})
+        return jc.statistics(scene, 0, 1, outputs=names, rtol=1e-9)
+
+    ours = jax.jit(jax.vmap(alone))(jnp.array([0.202, 0.05]))
+    for one in names:
+        assert float(found[one][1]) == pytest.approx(float(ours[one][0]), rel=1e-6), one
+        assert abs(float(found[one][0] / found[one][1]) - 1) > 1e-4, one
+        assert np.isnan(ours[one][1]), one
+
+
+@pytest.mark.slow
+def test_slopes_of_an_orbit_of_a_triad_are_those_of_differences():
+    """By a length, whose derivative goes through Newton's steps; with ideal joints too.
+
+    Friction changes its law within a node of the orbit, which puts 4e-3 on differences.
+    """
+    machine, name, step = read_machine(EXAMPLES / "six_bar.toml"), "joints.C.pin.x", 1e-4
+    machine = machine.replace(**{"joints.C.friction": 0.0})
+
+    def shaking(length):
+        return jc.periodic_orbit(machine.scene(**{name: length})).shaking_rms
+
+    def ideal(length):
+        scene = machine.scene(**{name: length}).ideal()
+        return jc.statistics(scene, 0, 1, outputs=("shaking_rms",))["shaking_rms"]
+
+    for of in (shaking, ideal):
+        slope, value = float(jax.jit(jax.grad(of))(0.2)), jax.jit(of)
+        ends = [float(value(0.2 + way * step)) for way in (-2, -1, 1, 2)]
+        expected = (ends[0] - 8 * ends[1] + 8 * ends[2] - ends[3]) / (12 * step)
+        # Orbits to some 1e-10 over steps of 1e-4, and a fourth order of 1e-7.
+        assert slope == pytest.approx(expected, rel=1e-6)
+
+
+def test_levers_of_a_triad_with_all_clearances_are_bounds_of_first_order():
+    """Pins at the rims of all bores at once come near the bound, and past it by second orders."""
+    clearances = dict.fromkeys("OABCDEF", 1e-4)
+    loose = STEPHENSON | {"joints": loosened(STEPHENSON["joints"], **clearances)}
+    held, random = linkage(**loose).linkage, np.random.default_rng(0)
+    angles = jnp.radians(jnp.arange(0.0, 360.0, 6.0))
+    ((ideal, least),) = map(np.asarray, _levers(held, clearances, angles))
+
+    def one(angle, off):
+        e = Named({name: Vector(*at) for name, at in zip(clearances, off, strict=True)})
+        motion = moving(held, Crank(angle, jnp.zeros(())), e, Named())
+        return jnp.abs(triad_lever(motion, held.triads[0]))
+
+    turned = 2 * np.pi * random.random((200, 7))
+    off = 1e-4 * np.stack([np.cos(turned), np.sin(turned)], axis=2)
+    seen = np.asarray(jax.jit(jax.vmap(jax.vmap(one, (None, 0)), (0, None)))(angles, off))
+    fallen, most = ideal - seen.min(axis=1), ideal - least
+    # The second order is 7e-4 m over 0.2 m of the first one.
+    assert (fallen < 1.01 * most).all() and (fallen > 0.5 * most).all()
+
+
 @pytest.mark.parametrize("name", REFUSED)
 def test_bad_input_gets_one_line(name):
     parts, words = REFUSED[name]
@@ -668,12 +835,6 @@ def test_its_orbit_on_supports_is_that_of_late_turns():
     late = jc.statistics(scene, 60, 2, outputs=("transmitted_rms",))
     # Sixty turns leave 1e-4 of what the start sets swinging.
     assert float(orbit.transmitted_rms) == pytest.approx(float(late.transmitted_rms), rel=1e-3)
-
-
-def loosened(joints, **clearances):
-    """Joints of which some have a clearance."""
-    loose = {name: {"clearance": c, "bore_radius": 0.05} for name, c in clearances.items()}
-    return {name: joint | loose.get(name, {}) for name, joint in joints.items()}
 
 
 FOUR_BAR = {

@@ -30,7 +30,7 @@ from optimize.run import search
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PAPER, TEMPLATE, *MACHINES = (
     (EXAMPLES / f"{name}.toml").read_text()
-    for name in ("pe250x400", "template", "slider_crank", "four_bar", "double_toggle")
+    for name in ("pe250x400", "template", "slider_crank", "four_bar", "double_toggle", "six_bar")
 )
 # With every key of the template but those that shut each other out.
 FULL = re.sub(r"^# (\w+ = )", r"\1", TEMPLATE, flags=re.MULTILINE)
