@@ -128,6 +128,11 @@ class Linkage(Record):
         for body in sorted(middles ^ {*self.guesses.names}):
             must = "tell of the body in the middle of each triad where it is at crank angle zero"
             require(False, "guesses", must, f"{'without' if body in middles else 'of'} {body}")
+        for triad in self.triads:
+            arms = [self.side_of(leg.meeting, triad.middle) for leg in triad.legs]
+            known = any((arms[0] - arm).squared() is not None for arm in arms[1:])
+            must = "have joints that are apart"
+            require(known, f"bodies.{triad.middle}", must, "with all at its origin")
         for name, body in self.bodies.items() if is_concrete(self.bodies) else ():
             require_positive(f"bodies.{name}.mass", body.mass, "kg")
             require_positive(f"bodies.{name}.inertia", body.inertia, "kg m2")

@@ -311,8 +311,7 @@ def triad_lever(motion: Motion, triad: Triad) -> Scalar:
     return lines.determinant / jnp.sqrt(size_squared(holds))
 
 
-# Angles of a turn at which bodies of triads are placed, each from the one before.
-COUNT = 120
+COUNT = 120  # angles of a turn at which triads are followed, each from the one before
 
 
 @eqx.filter_jit

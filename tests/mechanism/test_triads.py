@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxcrusher.basics.plane import Arm, Vector
-from jaxcrusher.mechanism.linkage import Linkage, Point
+from jaxcrusher.mechanism.linkage import Joint, Linkage, Point
 from jaxcrusher.mechanism.motion import Crank, continued, followed, ideal_at_rest, moving
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import Dyad, Triad
@@ -148,6 +148,14 @@ def test_a_triad_is_guessed_at(linkages):
     extra = Named({**dict(one.guesses.items()), "rod": Guess(Vector(0.0, 0.0), 0.0)})
     with pytest.raises(ValueError, match=r"`guesses` must tell .* but is of rod"):
         Linkage(*parts, guesses=extra)
+    ends = {name: one.joints.at(name) for name in ("small end", "middle", "corner")}
+    ends = {
+        name: Joint(*(Point(p.body) if p.body == "plate" else p for p in (joint.bore, joint.pin)))
+        for name, joint in ends.items()
+    }
+    pinned = Named({**dict(one.joints.items()), **ends})
+    with pytest.raises(ValueError, match=r"`bodies\.plate` must have joints that are apart"):
+        dataclasses.replace(one, joints=pinned)
     with pytest.raises(ValueError, match="must be continued round a turn, for the course of plate"):
         ideal_at_rest(Linkage(*parts, guesses=one.guesses), 0.0)
 
