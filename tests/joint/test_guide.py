@@ -56,7 +56,7 @@ def test_the_four_cases_of_flores(case):
     A tilt p of 0.0034 takes h p^2 / 2 = 1.1e-7 m off the depth: 0.167 of a force.
     """
     play, count, sideways, turning = CASES[case]
-    contact, force = seen(play), float(LAW.elastic_force(DEPTH))
+    contact, force = seen(play), float(LAW.elastic_force(jnp.asarray(DEPTH)))
     assert touching(contact) == count
     assert float(AHEAD.cross(contact.force)) == pytest.approx(sideways * force, rel=0.17, abs=1e-9)
     # Nothing rubs, and so no force is along the slide.
