@@ -18,6 +18,16 @@ def rms(viscosity):
     return jc.periodic_orbit(jc.build_scene(THIN | {"film.viscosity": viscosity})).foundation_rms
 
 
+def test_a_pin_starts_in_its_film():
+    """Not in its bore, at a clearance and more, where a dry one would carry the same force."""
+    scene = jc.build_scene(THIN | {"start": "contact"})
+    assert scene.start is not None
+    e, _ = scene.start.eccentricities(scene)
+    clearance = float(scene.joints.at("main").clearance)
+    share = float(np.hypot(e.at("main").x, e.at("main").y)) / clearance
+    assert 0.05 < share < 0.95
+
+
 @pytest.mark.slow
 def test_the_orbit_is_what_a_run_settles_on():
     """A film damps a disturbance to 0.04 in a turn, where a dry bearing needs 14 000 turns."""
