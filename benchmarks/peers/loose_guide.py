@@ -1,240 +1,190 @@
-"""A slider-crank as free bodies in absolute coordinates, its guide with a gap or with friction.
+"""A slider-crank whose guide has a gap or rubs, as free bodies in absolute coordinates by NumPy.
 
-By NumPy and SciPy alone, from the mechanics: bodies, joints and the drive are constraints on
-accelerations, corners of the slider are points of the world, each with its distance from its edge,
-and the friction of a guide without a gap is what the reactions under it come to. Laws are those
-that are published, not smoothed. Vectors of the plane are complex numbers; SI units.
+Ideal joints, the drive and a guide without a gap are constraints, whose forces are found together
+with the accelerations. Numbers are named as in a description whose joints are O (frame, crank), A
+(rod, crank) and B (rod, slider), by bore and pin, and whose slide is called guide. Vectors of the
+plane are complex numbers; those on the guide are ahead and to the left. SI units.
 """
 
-import cmath
-import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
-from benchmarks.peers.loose_joint import cross, dot
+from benchmarks.peers.loose_joint import V0, V1
 
-CRANK, ROD, SLIDER = range(3)
-# Rounds of friction and reactions at most: each gains what friction feeds back, some hundredths.
-ROUNDS = 60
+BODIES = CRANK, ROD, SLIDER = "crank", "rod", "slider"
+JOINTS = ("O", None, CRANK), ("A", ROD, CRANK), ("B", ROD, SLIDER)
+# Rows of the constraints: two of each joint, the drive, and the guide's line and angle.
+DRIVE, GUIDE = 6, 7
+# The corners: in front on the left, in front on the right, and the same behind.
+FRONT, LEFT = np.array([1, 1, -1, -1]), np.array([1, -1, 1, -1])
+# Friction has come to rest where it changes by this share of the largest force.
+ROUNDING = 1e-15
 
 
-@dataclass
-class GuidedSlider:
-    """The motion of a slider-crank by the numbers of a description, such as `machine.values`."""
+def moment_of(force, arm):
+    """Return the moment of a force at an arm."""
+    return (np.conj(arm) * force).imag
 
-    values: Mapping[str, Any]
 
-    def _at(self, name: str) -> complex:
-        return complex(self.values.get(f"{name}.x", 0.0), self.values.get(f"{name}.y", 0.0))
+class SliderCrank:
+    """The motion of one, as `scipy_peer` takes it: x, y and angle of all bodies, and their rates.
 
-    def _guide(self, name: str) -> float:
-        return float(self.values[f"slides.guide.{name}"])
+    A slider with a gap begins in the middle of its guide, straight, and without a rate of its own.
+    One without is where the crank's angle puts it.
+    """
 
-    @property
-    def has_gap(self) -> bool:
-        """Whether the slider is loose in its guide."""
-        return "slides.guide.clearance" in self.values
+    def __init__(self, values: Mapping[str, Any]):
+        def at(name: str) -> complex:
+            return complex(values.get(f"{name}.x", 0.0), values.get(f"{name}.y", 0.0))
 
-    @cached_property
-    def ahead(self) -> complex:
-        """The unit vector along the slide."""
-        along = self._at("slides.guide.along")
-        return along / abs(along)
+        def guide(name: str, default: float = 0.0) -> float:
+            return values.get(f"slides.guide.{name}", default)
 
-    @cached_property
-    def masses(self) -> np.ndarray:
-        """Mass, mass and inertia of each body."""
-        found = []
-        for body in ("crank", "rod", "slider"):
-            mass, inertia = (self.values[f"bodies.{body}.{of}"] for of in ("mass", "inertia"))
-            found += [mass, mass, inertia]
-        return np.array(found)
-
-    @cached_property
-    def origins(self) -> list[complex]:
-        """Each body's origin from its mass centre."""
-        return [-self._at(f"bodies.{body}.mass_centre") for body in ("crank", "rod", "slider")]
-
-    @cached_property
-    def joints(self) -> list[tuple[int, complex, int, complex]]:
-        """Body and point from its mass centre of each side of O, A and B; body -1 is the frame."""
-        o, at = self.origins, self._at
-        return [
-            (-1, at("joints.O.bore"), CRANK, at("joints.O.pin") + o[CRANK]),
-            (ROD, at("joints.A.bore") + o[ROD], CRANK, at("joints.A.pin") + o[CRANK]),
-            (ROD, at("joints.B.bore") + o[ROD], SLIDER, at("joints.B.pin") + o[SLIDER]),
+        centres = {body: at(f"bodies.{body}.mass_centre") for body in BODIES} | {None: 0j}
+        names = "mass", "mass", "inertia"
+        self.inertias = np.array([values[f"bodies.{body}.{of}"] for body in BODIES for of in names])
+        self.weights = -values.get("gravity", 9.81) * self.inertias * np.tile([0, 1, 0], 3)
+        self.speed, along = values["speed"], at("slides.guide.along")
+        self.along, self.through = along / abs(along), at("slides.guide.through")
+        self.to_origin = -centres[SLIDER]
+        # Row, sign, number of the body, and arm from its mass centre of both ends of the joints.
+        self.ends = [
+            (
+                2 * k,
+                sign,
+                None if body is None else BODIES.index(body),
+                at(f"joints.{name}.{end}") - centres[body],
+            )
+            for k, (name, *both) in enumerate(JOINTS)
+            for sign, end, body in zip((-1, 1), ("bore", "pin"), both, strict=True)
         ]
+        self.rod = at("joints.B.bore") - at("joints.A.bore")
+        self.length, self.height = guide("length"), guide("height")
+        self.shape = (FRONT * self.length + 1j * LEFT * self.height) / 2
+        self.clearance = guide("clearance")
+        self.ramp = guide("friction"), guide("static_speed", V0), guide("full_speed", V1)
+        if self.clearance:
+            compliance = 2 * (1 - guide("poisson") ** 2) / guide("young")
+            self.stiffness = 4 / (3 * compliance) * math.sqrt(guide("corner_radius"))  # N/m^1.5
+            self.damping = 0.75 * (1 - guide("restitution") ** 2) / guide("impact_velocity")
+
+    def constraints(self, time: float, y) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return rows by accelerations, what they come to, and by how much they are not kept."""
+        rows, known, gaps = np.zeros((9, 9)), np.zeros(9), np.zeros(9)
+
+        def put(row: int, way: complex, body: int, arm: complex):
+            """Count how a point of a body moves in a way."""
+            x, back = 3 * body, way.conjugate()
+            arm *= complex(math.cos(y[x + 2]), math.sin(y[x + 2]))
+            rows[row, x : x + 3] = way.real, way.imag, (back * 1j * arm).real
+            known[row] += y[x + 11] ** 2 * (back * arm).real
+            gaps[row] += (back * (complex(y[x], y[x + 1]) + arm)).real
+
+        for row, sign, body, arm in self.ends:
+            for place, way in ((row, sign + 0j), (row + 1, 1j * sign)):
+                if body is None:
+                    gaps[place] += (way.conjugate() * arm).real
+                else:
+                    put(place, way, body, arm)
+        rows[DRIVE, 2], gaps[DRIVE] = 1.0, y[2] - self.speed * time
+        put(GUIDE, 1j * self.along, 2, self.to_origin)
+        gaps[GUIDE] -= (self.through / self.along).imag
+        rows[GUIDE + 1, 8], gaps[GUIDE + 1] = 1.0, y[8]
+        return rows, known, gaps
+
+    def together(self, time: float) -> np.ndarray:
+        """Return the state with the slider straight on its line, the rod ahead of the crank."""
+        y, rates = np.zeros(18), np.zeros(9)
+        y[2], y[5] = self.speed * time, np.angle(self.along / self.rod)
+        for _ in range(50):
+            rows, _, gaps = self.constraints(time, y)
+            step = np.linalg.solve(rows, -gaps)
+            y[:9] += step
+            if abs(step).max() < 1e-15:
+                break
+        rates[DRIVE] = self.speed
+        y[9:] = np.linalg.solve(rows, rates)
+        return y
 
     @cached_property
     def start(self) -> np.ndarray:
-        """The state at crank angle zero, the slider straight and in the middle: y, then y'."""
-        (_, o, _, o_pin), (_, a_rod, _, a_crank), (_, b_rod, _, b_slider) = self.joints
-        speed, along = self.values["speed"], self.ahead
-        z_crank = o - o_pin
-        a, a_rate = z_crank + a_crank, 1j * speed * (a_crank - o_pin)
-        # B on its line: through + way ahead + its place on the slider, at the rod's length from A.
-        on_line = self._at("slides.guide.through") + b_slider - self.origins[SLIDER]
-        foot = (on_line - a) / along
-        length = abs(b_rod - a_rod)
-        way = -foot.real + math.sqrt(length**2 - foot.imag**2)
-        b = on_line + way * along
-        axis = (b - a) / (b_rod - a_rod)
-        # The rates of b - a along and across: the rod turns, the slider goes ahead.
-        u = b - a
-        spin = dot(a_rate, 1j * along) / -dot(1j * u, 1j * along)
-        going = a_rate + 1j * spin * u
-        z_rod, z_slider = a - axis * a_rod, b - b_slider
-        rod_rate = a_rate - 1j * spin * axis * a_rod
-        crank_rate = -1j * speed * o_pin
-        places = [(z_crank, 0.0), (z_rod, cmath.phase(axis)), (z_slider, 0.0)]
-        rates = [(crank_rate, speed), (rod_rate, spin), (going, 0.0)]
-        return np.array([part for z, p in (*places, *rates) for part in (z.real, z.imag, p)])
+        """The state at time 0."""
+        return self.together(0.0)
 
-    def instant(self, y: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
-        """Return the accelerations, and what acts on the guide and in B."""
-        z = [complex(y[3 * i], y[3 * i + 1]) for i in range(3)]
-        v = [complex(y[9 + 3 * i], y[10 + 3 * i]) for i in range(3)]
-        axis, spin = (
-            [cmath.exp(1j * y[3 * i + 2]) for i in range(3)],
-            [y[11 + 3 * i] for i in range(3)],
-        )
-        forces = np.zeros(9)
-        forces[1::3] = -self.values.get("gravity", 9.81) * self.masses[1::3]
-        rows, right = [], []
+    def slider(self, y) -> tuple[complex, complex, complex]:
+        """Return place and velocity of its origin, from the guide, and how far it has turned."""
+        turn = complex(math.cos(y[8]), math.sin(y[8]))
+        arm = self.to_origin * turn
+        velocity = complex(y[15], y[16]) + 1j * y[17] * arm
+        return (complex(y[6], y[7]) + arm - self.through) / self.along, velocity / self.along, turn
 
-        def point(body: int, arm: complex, sign: float, across: complex | None = None):
-            """Add the acceleration of a point, or its part in a direction, to the last rows."""
-            arm = arm * axis[body]
-            for row, way in zip(
-                rows[-2:] if across is None else rows[-1:],
-                (1.0, 1j) if across is None else (across,),
-                strict=True,
-            ):
-                row[3 * body] += sign * dot(way, 1.0 + 0j)
-                row[3 * body + 1] += sign * dot(way, 1j)
-                row[3 * body + 2] += sign * dot(way, 1j * arm)
-            return sign * spin[body] ** 2 * arm
+    def friction(self, normal, speed):
+        """Return Ambrosio's friction on the guide, ahead, of a slider with a speed ahead."""
+        coefficient, v0, v1 = self.ramp
+        return coefficient * normal * np.sign(speed) * np.clip((abs(speed) - v0) / (v1 - v0), 0, 1)
 
-        for bore, on_bore, pin, on_pin in self.joints:
-            rows += [np.zeros(9), np.zeros(9)]
-            known = point(pin, on_pin, 1.0)
-            if bore >= 0:
-                known += point(bore, on_bore, -1.0)
-            right += [known.real, known.imag]
-        rows.append(np.eye(9)[2])  # the crank's speed stays
-        right.append(0.0)
-        origin = z[SLIDER] + axis[SLIDER] * self.origins[SLIDER]
-        going = v[SLIDER] + 1j * spin[SLIDER] * (origin - z[SLIDER])
-        told: dict[str, Any] = {"way": dot(origin, self.ahead)}
-        if self.has_gap:
-            push, moment = self._pushed(origin, going, y[8], spin[SLIDER])
-            acting = self._on_slider(-push, -moment, origin - z[SLIDER])
-            told |= {"force": dot(push, 1j * self.ahead), "moment": moment}
-            found, held = self._solve(rows, right, forces + acting)
-        else:
-            rows.append(np.zeros(9))
-            known = point(SLIDER, self.origins[SLIDER], 1.0, 1j * self.ahead)
-            rows.append(np.eye(9)[8])
-            right += [dot(known, 1j * self.ahead), 0.0]
-            rubbed = 0.0
-            for _ in range(ROUNDS):
-                acting = self._on_slider(-rubbed * self.ahead, 0.0, origin - z[SLIDER])
-                found, held = self._solve(rows, right, forces + acting)
-                # Multipliers are the frame's force on the slider, and the moment.
-                force, moment = -held[7], -held[8]
-                before, rubbed = rubbed, self._rubbed(force, moment, dot(going, self.ahead))
-                if abs(rubbed - before) <= 1e-15 * abs(force):
-                    break
-            told |= {"force": force, "moment": moment, "friction": rubbed}
-        told["B"] = complex(-held[4], -held[5])
-        return found, told
+    def corners(self, time: float, y) -> np.ndarray:
+        """Return how deep each corner is in its edge, m."""
+        place, _, turn = self.slider(y)
+        return LEFT * (place + turn * self.shape).imag - self.height / 2 - self.clearance
 
-    def _solve(self, rows, right, forces) -> tuple[np.ndarray, np.ndarray]:
-        phi = np.array(rows)
-        light = phi / self.masses
-        held = np.linalg.solve(light @ phi.T, np.array(right) - light @ forces)
-        return (forces + phi.T @ held) / self.masses, held
+    def contact(self, time: float, y) -> tuple[complex, float]:
+        """Return the force of the corners on their edges, and its moment about the origin."""
+        _, velocity, turn = self.slider(y)
+        arms, deep = turn * self.shape, np.maximum(self.corners(time, y), 0.0)
+        moving = velocity + 1j * y[17] * arms
+        normal = self.stiffness * deep**1.5 * (1 + self.damping * LEFT * moving.imag)
+        forces = 1j * LEFT * normal + self.friction(normal, moving.real)
+        return complex(forces.sum()), float(moment_of(forces, arms).sum())
 
-    def _on_slider(self, force: complex, moment: float, arm: complex) -> np.ndarray:
-        found = np.zeros(9)
-        found[6:] = force.real, force.imag, moment + cross(arm, force)
-        return found
+    def solved(self, rows, known, y, force: complex, moment: float):
+        """Return accelerations and forces of constraints, where a slider acts on its guide."""
+        matrix, forces, n = np.zeros((9 + len(rows),) * 2), self.weights.copy(), 9
+        force, arm = -force * self.along, self.to_origin * self.slider(y)[2]
+        forces[6:] += force.real, force.imag, moment_of(force, arm) - moment
+        matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = np.diag(self.inertias), -rows.T, rows
+        found = np.linalg.solve(matrix, np.concatenate([forces, known]))
+        return found[:n], found[n:]
 
-    def _share(self, speed: float) -> float:
-        """Ambrosio's friction of 1 N, against a speed."""
-        if "slides.guide.friction" not in self.values:
-            return 0.0
-        slow, full = self._guide("static_speed"), self._guide("full_speed")
-        ramp = min(max((abs(speed) - slow) / (full - slow), 0.0), 1.0)
-        return self._guide("friction") * ramp * math.copysign(1.0, speed)
+    def instant(self, time: float, y):
+        """Return accelerations, forces of constraints, force and moment on the guide.
 
-    def _rubbed(self, force: float, moment: float, speed: float) -> float:
-        """Friction ahead on the frame, of both ends or of the middle."""
-        length = self.values.get("slides.guide.length")
-        turning = 0.0 if length is None else moment / length
-        return self._share(speed) * (abs(force / 2 + turning) + abs(force / 2 - turning))
+        Without a gap its friction is found by iteration; RuntimeError where that does not end.
+        """
+        rows, known, _ = self.constraints(time, y)
+        if self.clearance:
+            acting = self.contact(time, y)
+            return *self.solved(rows[:GUIDE], known[:GUIDE], y, *acting), *acting
+        rubbing, speed = 0.0, self.slider(y)[1].real
+        for _ in range(500):
+            found, held = self.solved(rows, known, y, rubbing, 0.0)
+            left, moment = -held[GUIDE:]
+            turning = 2 * moment / self.length if self.length else 0.0
+            pressed = abs(left + turning) / 2 + abs(left - turning) / 2
+            before, rubbing = rubbing, self.friction(pressed, speed)
+            if abs(rubbing - before) <= ROUNDING * abs(held[:DRIVE]).max():
+                return found, held, complex(rubbing, left), moment
+        raise RuntimeError(f"Friction at {time} s does not come to rest: the slider jams.")
 
-    def corners(self, origin: complex, tilt: float) -> list[tuple[float, complex, float]]:
-        """Return how deep each corner is in its edge (m), where it is, and its side (1, -1)."""
-        begin, across = self._at("slides.guide.through"), 1j * self.ahead
-        half, tall = self._guide("length") / 2, self._guide("height") / 2
-        found = []
-        for front, left in itertools.product((1, -1), (1, -1)):
-            # The slider's axes are the frame's while it is straight, along the slide.
-            place = origin + self.ahead * cmath.exp(1j * tilt) * complex(front * half, left * tall)
-            wall = left * (tall + self._guide("clearance"))
-            depth = left * (dot(place - begin, across) - wall)
-            found.append((depth, place, left))
-        return found
+    def field(self, time: float, y) -> np.ndarray:
+        """Return the rate y'."""
+        return np.concatenate([y[9:], self.instant(time, y)[0]])
 
-    def _pushed(
-        self, origin: complex, going: complex, tilt: float, spin: float
-    ) -> tuple[complex, float]:
-        """Return force and moment about the slider's origin on the frame by its corners."""
-        compliance = 2 * (1 - self._guide("poisson") ** 2) / self._guide("young")
-        stiffness = 4 / (3 * compliance) * math.sqrt(self._guide("corner_radius"))
-        damping = 0.75 * (1 - self._guide("restitution") ** 2) / self._guide("impact_velocity")
-        force, moment = 0j, 0.0
-        for depth, place, left in self.corners(origin, tilt):
-            if depth <= 0:
-                continue
-            moved = going + 1j * spin * (place - origin)
-            rate = left * dot(moved, 1j * self.ahead)
-            pressed = stiffness * depth**1.5 * (1 + damping * rate)
-            push = left * pressed * 1j * self.ahead
-            push += pressed * self._share(dot(moved, self.ahead)) * self.ahead
-            force += push
-            moment += cross(place - origin, push)
-        return force, moment
-
-    def motion(self, times: np.ndarray, rtol: float = 1e-11) -> dict[str, np.ndarray]:
-        """Return what is seen at times from 0 on, by SciPy's DOP853; impacts need short steps."""
-
-        def field(_, y):
-            return np.concatenate([y[9:], self.instant(y)[0]])
-
-        span = (0.0, float(times[-1]))
-        method = {
-            "method": "DOP853",
-            "rtol": rtol,
-            "atol": rtol * 1e-3,
-            "max_step": 2e-5 if self.has_gap else 2e-4,
-        }
-        states = solve_ivp(field, span, self.start, t_eval=times, **method).y.T
-        seen: dict[str, list] = {}
-        for y in states:
-            told = self.instant(y)[1]
-            origin = complex(y[6], y[7]) + cmath.exp(1j * y[8]) * self.origins[SLIDER]
-            off = dot(origin - self._at("slides.guide.through"), 1j * self.ahead)
-            told |= {"off": off, "tilt": y[8], "B": [told["B"].real, told["B"].imag]}
-            if self.has_gap:
-                told["touching"] = sum(depth > 0 for depth, *_ in self.corners(origin, y[8]))
-            for name, value in told.items():
-                seen.setdefault(name, []).append(value)
-        return {name: np.array(values) for name, values in seen.items()}
+    def observe(self, times, states) -> dict[str, np.ndarray]:
+        """Return places (m), forces (N) and moments (N m) by the names of a scene's."""
+        found: dict[str, list] = {}
+        rubbing = "guide_friction_force" if self.clearance else "guide_friction"
+        for time, y in zip(times, states, strict=True):
+            _, held, force, moment = self.instant(time, y)
+            row = {"guide_force": force.imag, "guide_moment": moment, rubbing: force.real}
+            row |= {"A_reaction": -held[2:4], "B_reaction": -held[4:6], "drive_torque": held[DRIVE]}
+            row["slider_position"] = y[6:8]
+            if self.clearance:
+                row["guide_eccentricity"] = self.slider(y)[0].imag, y[8] * self.length / 2
+            for name, value in row.items():
+                found.setdefault(name, []).append(value)
+        return {name: np.array(values) for name, values in found.items()}

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.peers.any_linkage import AnyLinkage
+from benchmarks.peers.loose_guide import SliderCrank
 from benchmarks.peers.motion import Motion
 
 # Instants that one call of SciPy comes to: it keeps all its steps, which may be millions.
@@ -13,7 +14,7 @@ TOGETHER = 500
 
 
 def integrate(
-    motion: Motion | AnyLinkage,
+    motion: Motion | AnyLinkage | SliderCrank,
     times,
     method: str = "DOP853",
     rtol: float = 1e-11,
