@@ -194,7 +194,8 @@ def _linkage(options: Options) -> Problem:
         found.replace(**{name: high})  # which refuses a number without what it comes with
         joint, _, key = name.rpartition(".")
         if key == "clearance":
-            require_clearance(high, values[f"{joint}.bore_radius"], f"{joint}.")
+            bore = values.get(f"{joint}.bore_radius", math.inf)  # a guide has none
+            require_clearance(high, bore, f"{joint}.")
     require(not scene.is_ideal, "scene", "have a joint with clearance", "ideal joints")
     design = Design(free, found)
     reference = {name: float(values.get(name, 0.0)) for name in free}

@@ -50,6 +50,14 @@ def test_what_is_free_is_named_by_the_file():
     assert resolve(replace(PUMP, objective="B_force_peak")).rival.outputs == ("shaking_rms",)
 
 
+def test_the_gap_of_a_guide_is_free_too():
+    """It has no bore that would limit it."""
+    free = (("slides.guide.clearance", "0.1", "0.5mm"),)
+    problem = resolve(Options(scene=EXAMPLES / "loose_guide.toml", design=free))
+    assert problem.reference == pytest.approx({"slides.guide.clearance": 5e-4})
+    assert problem.rival.outputs == ("guide_force_peak",)
+
+
 @pytest.mark.parametrize(
     "given, why",
     [
