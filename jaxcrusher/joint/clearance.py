@@ -93,6 +93,20 @@ class AbstractGap(Printed):
             friction = self.friction.rate(memory.friction, in_contact, contact.slip_speed)
         return Memory(impact, friction)
 
+    def pressed(
+        self, penetration: Scalar, rate: Scalar, memory: Memory | None
+    ) -> tuple[Scalar, Scalar]:
+        """The normal force where the gap is closed so far, N, and the power of its damping, W."""
+        impact = None if memory is None else memory.impact
+        force = self.normal.force(penetration, rate, impact)
+        return force, (force - self.normal.elastic_force(penetration)) * rate
+
+    def rubbed(self, normal_force: Scalar, slip: Scalar, memory: Memory | None) -> Scalar:
+        """The friction of a gap that rubs, by the slip (m/s) that its law sees, N."""
+        assert self.friction is not None, "nothing rubs there"
+        known = () if memory is None or memory.friction is None else (memory.friction,)
+        return self.friction.force(normal_force, slip, *known)
+
     def elastic_energy(self, contact: Contact) -> Scalar:
         """Energy stored in the contact, J."""
         return self.normal.elastic_energy(contact.penetration)
@@ -189,16 +203,14 @@ class ClearanceJoint(AbstractBearing):
         normal = eccentricity / length
         penetration = length - self.clearance
         penetration_rate = rate.dot(normal)
-        impact = None if memory is None else memory.impact
-        normal_force = self.normal.force(penetration, penetration_rate, impact)
-        elastic = self.normal.elastic_force(penetration)
+        normal_force, normal_loss = self.pressed(penetration, penetration_rate, memory)
         touch = Contact(
             penetration=penetration,
             penetration_rate=penetration_rate,
             orbit_speed=normal.cross(rate) / length,
             normal_force=normal_force,
             force=normal_force * normal,
-            normal_loss=(normal_force - elastic) * penetration_rate,
+            normal_loss=normal_loss,
         )
         if self.friction is None:
             return touch
@@ -207,8 +219,7 @@ class ClearanceJoint(AbstractBearing):
         centre_speed = -rate.dot(tangent)
         surface_speed = centre_speed + self.bore_radius * bearing_spin - journal_arm * journal_spin
         slip = self.friction.slip.speed(centre_speed, surface_speed)
-        known = () if memory is None or memory.friction is None else (memory.friction,)
-        friction_force = self.friction.force(normal_force, slip, *known)
+        friction_force = self.rubbed(normal_force, slip, memory)
         return dataclasses.replace(
             touch,
             force=touch.force + friction_force * tangent,

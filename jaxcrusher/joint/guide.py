@@ -32,7 +32,7 @@ from jaxtyping import PyTree, Scalar
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import Vector, direction, scalar, total
-from jaxcrusher.joint.clearance import AbstractGap, Contact
+from jaxcrusher.joint.clearance import AbstractGap, Contact, Memory
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.normal import AbstractNormalForce
 
@@ -71,12 +71,11 @@ class Guide(AbstractGap):
         ahead (m/s), and `memory` is what the corners remember.
         """
         tilt, tilting = play.y / sizes.x, rate.y / sizes.x
-        axis = direction(tilt)
+        axis, bulge = direction(tilt), sizes.y * 2 * jnp.sin(tilt / 2) ** 2
         remembered = (None,) * len(CORNERS) if memory is None else memory
         corners, moments = [], []
         for (i, j), known in zip(CORNERS, remembered, strict=True):
             arm = Vector(i * sizes.x, j * sizes.y).along(axis)
-            bulge = sizes.y * 2 * jnp.sin(tilt / 2) ** 2
             depth = j * play.x + i * j * sizes.x * axis.y - bulge - self.clearance
             moved = Vector(speed, rate.x) + tilting * arm.perp()
             corner = self._corner(depth, j * moved.y, -moved.x, j, known)
@@ -108,17 +107,14 @@ class Guide(AbstractGap):
         )
 
     def _corner(
-        self, depth: Scalar, rate: Scalar, slip: Scalar, side: int, memory: PyTree[Scalar] | None
+        self, depth: Scalar, rate: Scalar, slip: Scalar, side: int, memory: Memory | None
     ) -> Contact:
         """Return the contact of a corner with an edge, its force in the axes of the slide."""
-        impact = None if memory is None else memory.impact
-        pressed = self.normal.force(depth, rate, impact)
-        lost = (pressed - self.normal.elastic_force(depth)) * rate
+        pressed, lost = self.pressed(depth, rate, memory)
         none = jnp.zeros_like(slip)
         if self.friction is None:
             return Contact(depth, rate, none, pressed, Vector(none, side * pressed), lost)
-        known = () if memory is None or memory.friction is None else (memory.friction,)
-        rubbing = self.friction.force(pressed, slip, *known)
+        rubbing = self.rubbed(pressed, slip, memory)
         force = Vector(rubbing, side * pressed)
         return Contact(
             depth, rate, none, pressed, force, lost, rubbing, -rubbing * slip, slip, slip

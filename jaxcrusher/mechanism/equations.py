@@ -72,7 +72,7 @@ class Forces(NamedTuple):
         found += self.wrenches
         for name, contact in self.contacts.items():
             joint = motion.ends(name)
-            found += _pair(motion, joint, contact.force, self.frame)
+            found += pair_at(motion, joint, contact.force, self.frame)
             found += [
                 Wrench(joint.bore.body, None, contact.bearing_moment),
                 Wrench(joint.pin.body, None, contact.journal_moment),
@@ -275,7 +275,7 @@ def solve(motion: Motion, acting: Forces, curvatures: Named[Vector] | None = Non
         second[name] = Vector(slide.direction.cross(parted), slide.half_length * tilting)
 
     for name, force in closed.items():
-        sums = _sums(_pair(motion, linkage.joints.at(name), force, frame), sums)
+        sums = _sums(pair_at(motion, linkage.joints.at(name), force, frame), sums)
     missing = {
         name: minus(one.mass * centres[name], sums[name][0]) for name, one in ways.bodies.items()
     }
@@ -398,7 +398,7 @@ class _Rows:
         return push / self.mass
 
 
-def _pair(
+def pair_at(
     motion: Motion, joint: Joint, force: Vector, frame: MovingFrame | None
 ) -> tuple[Wrench, Wrench]:
     """Return a force on the bore of a joint, and its reaction on the pin."""

@@ -24,7 +24,7 @@ from jaxtyping import Scalar
 
 from jaxcrusher.basics.linear import solve_dominant
 from jaxcrusher.joint.friction import AbstractFriction
-from jaxcrusher.mechanism.equations import Accelerations, Forces, wrench_at
+from jaxcrusher.mechanism.equations import Accelerations, Forces, pair_at
 from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
 
@@ -51,18 +51,19 @@ def rubbing(
     def under(*frictions: Scalar) -> Accelerations:
         wrenches = list(forces.wrenches)
         for (name, slide), friction in zip(slides.items(), frictions, strict=True):
-            ends, ahead = motion.ends(name), friction * slide.direction
-            wrenches.append(wrench_at(motion, ends.bore, ahead, forces.frame))
-            wrenches.append(wrench_at(motion, ends.pin, -ahead, forces.frame))
+            ahead = friction * slide.direction
+            wrenches += pair_at(motion, motion.ends(name), ahead, forces.frame)
         return solve(forces._replace(wrenches=tuple(wrenches)))
 
     def ends_of(found: Accelerations) -> Ends:
         pressed = []
         for name, slide in slides.items():
             at = found.slides.at(name)
-            turning = None if slide.length is None else at.moment / slide.length
-            both = [at.force] if turning is None else [at.force / 2 + turning]
-            pressed.append(both if turning is None else [*both, at.force / 2 - turning])
+            if slide.length is None:
+                pressed.append([at.force])
+                continue
+            turning = at.moment / slide.length
+            pressed.append([at.force / 2 + turning, at.force / 2 - turning])
         return pressed
 
     places = range(len(slides))
@@ -86,14 +87,12 @@ def rubbing(
         ]
     frictions = [m * size for m, size in zip(per_newton, sizes, strict=True)]
     found = jax.tree.map(jnp.add, free, change(*frictions))
-    told = {}
+    told = dict(found.slides.items())
     for i, name in enumerate(slides):
         parts = [jnp.abs(one) for j in places for one in by_slide[j][i]]
-        told[name] = dataclasses.replace(
-            found.slides.at(name), friction=frictions[i], feedback=sum(parts[1:], parts[0])
-        )
-    rest = dict(found.slides.items())
-    return dataclasses.replace(found, slides=Named({**rest, **told}))
+        feedback = sum(parts[1:], parts[0])
+        told[name] = dataclasses.replace(told[name], friction=frictions[i], feedback=feedback)
+    return dataclasses.replace(found, slides=Named(told))
 
 
 def _dot(one: list[Scalar], other: list[Scalar]) -> Scalar:

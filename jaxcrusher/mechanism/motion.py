@@ -286,10 +286,8 @@ def _holds(motion: Motion, triad: Triad) -> list[AbstractHold]:
     for leg in triad.legs:
         arm, on_leg = (linkage.side_of(leg.meeting, body) for body in (triad.middle, leg.body))
         if leg.joint in linkage.slides:
-            across, rail = (
-                linkage.slides.at(leg.joint).direction.perp(),
-                _on_rail(motion, leg.joint),
-            )
+            across = linkage.slides.at(leg.joint).direction.perp()
+            rail = _on_rail(motion, leg.joint)
             line = rail.position(on_leg), rail.velocity(on_leg)
             base = _parted(motion, leg.meeting, triad.middle, *line)
             found.append(Rail(arm, *base, across))

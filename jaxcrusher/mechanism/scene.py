@@ -56,10 +56,10 @@ class Scene(Printed):
     """A linkage with a drive, the gaps of its loose joints and slides, and forces on its bodies.
 
     Joints and slides that are not named are ideal; a slide without a gap may have friction by
-    `guides`. With no `foundation` the frame is clamped, and moments on
-    the ground are counted about its origin. Of `points`, and of the mass centre of each body, there
-    are position, velocity and acceleration. `own` is what `with_statistics` adds, and the
-    `template` says what its results are called and what is asked of it besides.
+    `guides`. With no `foundation` the frame is clamped, and moments on the ground are counted about
+    its origin. Of `points`, and of the mass centre of each body, there are position, velocity and
+    acceleration. `own` is what `with_statistics` adds, and the `template` says what its results are
+    called and what is asked of it besides.
 
     Raises ValueError (concrete values only) if 64-bit floats are off, for a bearing of a joint that
     there is not, for a clearance that is not inside (0, R_i), for a guide whose slider has no

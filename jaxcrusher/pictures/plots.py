@@ -181,14 +181,10 @@ def plot_orbit(
     prefix: str = "",
 ) -> Axes:
     """The centre of a pin in its clearance circle (mm); `prefix` is that of its joint's results."""
-    ax = plt.subplots()[1] if ax is None else ax
-    orbit = 1e3 * np.asarray(trajectory[f"{prefix}eccentricity"])
     angle = np.linspace(0, 2 * np.pi, 361)
-    circle = 1e3 * clearance * np.array([np.cos(angle), np.sin(angle)])
-    ax.plot(*circle, color="0.4", linestyle="--", linewidth=1, label="clearance")
-    ax.plot(orbit[:, 0], orbit[:, 1], color=BLUE, linewidth=0.6, label="pin centre")
-    ax.set(xlabel="$e_x$ (mm)", ylabel="$e_y$ (mm)", aspect="equal")
-    ax.locator_params(nbins=4)
+    ax = _path_in(trajectory, prefix, clearance * np.array([np.cos(angle), np.sin(angle)]), ax)
+    ax.lines[-1].set_label("pin centre")
+    ax.set(xlabel="$e_x$ (mm)", ylabel="$e_y$ (mm)")
     return ax
 
 
@@ -200,13 +196,25 @@ def plot_play(
     prefix: str = "",
 ) -> Axes:
     """The play of a slider in its guide (mm): inside of the square none of its corners touches."""
+    square = clearance * np.array([(1, 0, -1, 0, 1), (0, 1, 0, -1, 0)])
+    ax = _path_in(trajectory, prefix, square, ax)
+    ax.lines[-1].set_label("slider")
+    ax.set(xlabel="off to the left (mm)", ylabel="tilt x half length (mm)")
+    return ax
+
+
+def _path_in(
+    trajectory: Mapping[str, ArrayLike] | Trajectory,
+    prefix: str,
+    edge: np.ndarray,
+    ax: Axes | None,
+) -> Axes:
+    """Draw the path of an eccentricity (m) in mm within the edge of its clearance (m)."""
     ax = plt.subplots()[1] if ax is None else ax
-    play = 1e3 * np.asarray(trajectory[f"{prefix}eccentricity"])
-    square = 1e3 * clearance * np.array([(1, 0, -1, 0, 1), (0, 1, 0, -1, 0)])
-    ax.plot(*square, color="0.4", linestyle="--", linewidth=1, label="clearance")
-    ax.plot(play[:, 0], play[:, 1], color=BLUE, linewidth=0.6, label="slider")
-    words = "off to the left (mm)", "tilt x half length (mm)"
-    ax.set(xlabel=words[0], ylabel=words[1], aspect="equal")
+    path = 1e3 * np.asarray(trajectory[f"{prefix}eccentricity"])
+    ax.plot(*(1e3 * edge), color="0.4", linestyle="--", linewidth=1, label="clearance")
+    ax.plot(path[:, 0], path[:, 1], color=BLUE, linewidth=0.6)
+    ax.set(aspect="equal")
     ax.locator_params(nbins=4)
     return ax
 

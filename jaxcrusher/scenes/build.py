@@ -400,14 +400,10 @@ def joint_of(values: Mapping[str, Any], prefix: str) -> AbstractBearing:
         return _roller_bearing(v, norm_width)
     known = {"stiffness": stiffness, "width": width, **_impacts(v)}
     place = {"bore_radius": v["bore_radius"], "clearance": v["clearance"]}
-    if is_own(name, law):
-        modulus = v["young"] / (2 * (1 - v["poisson"] ** 2))
-        normal = built(name, law, values, modulus=modulus, norm_width=norm_width, **place, **known)
-        if isinstance(normal, AbstractBearing):
-            require(film is None, f"{prefix}film.viscosity", f"not stand beside {law}", "given")
-            return normal
-    else:
-        normal = LAWS["contact_law"][law](**known)
+    normal = _contact_law(values, name, v, known, norm_width=norm_width, **place)
+    if isinstance(normal, AbstractBearing):
+        require(film is None, f"{prefix}film.viscosity", f"not stand beside {law}", "given")
+        return normal
     friction = friction_of(values, prefix)
     return ClearanceJoint(
         **place, normal=normal, friction=friction, norm_width=norm_width, film=film
@@ -421,19 +417,29 @@ def _impacts(v: Mapping[str, Any]) -> dict[str, Any]:
     return {"restitution": v["restitution"], "impact_velocity": velocity}
 
 
+def _contact_law(
+    values: Mapping[str, Any], name: str, v: Mapping[str, Any], known: dict[str, Any], **place: Any
+) -> Any:
+    """Return the law of a gap with the numbers `v`, by the choice of that name.
+
+    Laws take what is `known` of their impacts; one of one's own takes its place too.
+    """
+    law = v["contact_law"]
+    if not is_own(name, law):
+        return LAWS["contact_law"][law](**known)
+    modulus = v["young"] / (2 * (1 - v["poisson"] ** 2))
+    return built(name, law, values, modulus=modulus, **place, **known)
+
+
 def guide_of(values: Mapping[str, Any], prefix: str) -> Guide:
     """Return the guide with a gap whose names have the prefix."""
     v, name = _of(values, prefix), f"{prefix}contact_law"
     stiffness, width = _corner_stiffness(v["corner_radius"], v["young"], v["poisson"])
     known = {"stiffness": stiffness, "width": width, **_impacts(v)}
-    law = v["contact_law"]
-    if is_own(name, law):
-        modulus = v["young"] / (2 * (1 - v["poisson"] ** 2))
-        normal = built(name, law, values, modulus=modulus, clearance=v["clearance"], **known)
-        must = "be a normal force at a guide"
-        require(isinstance(normal, AbstractNormalForce), name, must, f"a whole bearing, {law}")
-    else:
-        normal = LAWS["contact_law"][law](**known)
+    normal = _contact_law(values, name, v, known, clearance=v["clearance"])
+    told = f"a whole bearing, {v['contact_law']}"
+    is_force = isinstance(normal, AbstractNormalForce)
+    require(is_force, name, "be a normal force at a guide", told)
     sizes = {"clearance": v["clearance"], "corner_radius": v["corner_radius"]}
     return Guide(**sizes, normal=normal, friction=friction_of(values, prefix))
 
