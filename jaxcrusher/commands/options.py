@@ -239,6 +239,24 @@ class Foundation:
 
 
 @dataclass(frozen=True)
+class Balance:
+    """The counterweight that makes the first order of the shaking force least, in closed form.
+
+    It follows from the machine with ideal joints. The periodic orbit of the machine as it is, with
+    and without it, shows what clearance leaves of that. Writes OUT/NAME/balance.json and
+    balance.png. About half a minute, most of it compilation.
+    """
+
+    crusher: Crusher = field(default_factory=Crusher)
+    radius: str | None = None
+    """Radius of the counterweight about the crank's bearing, as in --radius "350 mm"; by default
+    the crusher's counterweight.radius, and of another linkage the length of its crank."""
+    effort: Literal["quick", "usual", "thorough"] = "usual"
+    """How far the two orbits are searched for."""
+    results: Results = field(default_factory=lambda: Results("balance"))
+
+
+@dataclass(frozen=True)
 class Bearing:
     """What the bearings of a machine stand: loads, life, safety, impacts, side by side.
 
@@ -315,4 +333,15 @@ class Identify:
     results: Results = field(default_factory=lambda: Results("identify"))
 
 
-Command = Simulate | Sweep | Regimes | Gradient | Orbit | Foundation | Bearing | Compare | Identify
+Command = (
+    Simulate
+    | Sweep
+    | Regimes
+    | Gradient
+    | Orbit
+    | Foundation
+    | Balance
+    | Bearing
+    | Compare
+    | Identify
+)
