@@ -22,7 +22,7 @@ from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json
 from jaxcrusher.files.resume import begin_beside
-from jaxcrusher.files.text import number
+from jaxcrusher.files.text import number, to_error
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.orbits.result import PeriodicOrbit
@@ -33,6 +33,7 @@ from jaxcrusher.scenes.units import per, said, unit_of
 
 ANGLES = 720  # of the picture, a turn
 DEGREE = float(np.radians(1.0))
+LEAST = 1e-6  # % of a force, below which a step of a number has no row
 REMEDY = (
     "Where the free oscillation of the pin meets a harmonic of the drive, or contact is lost, "
     "there may be no orbit of this period, or several. Try a value a thousandth off, another "
@@ -46,7 +47,7 @@ def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
     found = read_machine(options.crusher)
     values = found.values
-    metrics = tuple(dict.fromkeys((found.scene().leading, "shaking_rms")))
+    metrics = tuple(dict.fromkeys(("shaking_rms", found.scene().leading)))
     require_whole("period", options.period, 1)
     asked = {"period": options.period, "effort": options.effort}
     settings = settings_of("orbit", found, **asked)
@@ -77,7 +78,6 @@ def run(options: Orbit, console: Console) -> int:
         return 1
     with stages(console, "differentiating"):
         slopes = slopes_of(lambda n: solve(n, **orbit.alike), numbers, metrics)
-    slopes = {metric: felt(of, float(orbit[metric]), found) for metric, of in slopes.items()}
     path = folder / "orbit.json"
     write_json(path, provenance("Periodic orbit", scene=values) | content(orbit, slopes))
     seen = history(orbit)
@@ -88,7 +88,7 @@ def run(options: Orbit, console: Console) -> int:
         console.print(line)
     marked = borrowed_by(options.crusher, found)
     console.print(table(orbit, slopes, found, marked), soft_wrap=False)
-    for line in notes(found, marked, slopes):
+    for line in notes(found, marked, changes(orbit, slopes, found)):
         console.print(line)
     console.print(listed(folder, written))
     return 0
@@ -142,17 +142,19 @@ def draw(orbit: PeriodicOrbit, path: Path) -> None:
 
 def summary(orbit: PeriodicOrbit) -> list[str]:
     """Return the motion in a few lines."""
-    error, lines = f"(error {float(orbit.error):.1g} of it)", []
-    if "foundation_rms" in orbit.values:
+    share, values = float(orbit.error), {n: float(one) for n, one in orbit.values.items()}
+    # Peaks and means have errors of their own, which nobody has estimated.
+    rms = {name: to_error(one, share * one, 10) for name, one in values.items()}
+    lines = [
+        f"shaking force: RMS {rms['shaking_rms']} N (error {share:.1g} of it), "
+        f"peak {number(values['shaking_peak'])} N"
+    ]
+    if "foundation_rms" in values:
         lines.append(
-            f"RMS force on the foundation {float(orbit.foundation_rms):.4f} N {error}, "
-            f"mean {float(orbit.foundation_mean):.4f} N, peak {float(orbit.foundation_peak):.4f} N"
+            f"force on the foundation, {orbit.scene.observables['foundation_force'].meaning}: "
+            f"RMS {rms['foundation_rms']} N, mean {number(values['foundation_mean'])} N, "
+            f"peak {number(values['foundation_peak'])} N"
         )
-        error = ""
-    lines.append(
-        f"shaking force: RMS {float(orbit.shaking_rms):.4f} N, peak "
-        f"{float(orbit.shaking_peak):.4f} N {error}".rstrip()
-    )
     if orbit.scene.steady() is not orbit.scene:
         lines.append(ROUGH)
     if orbit.eccentricity is None:
@@ -162,7 +164,7 @@ def summary(orbit: PeriodicOrbit) -> list[str]:
     if bool(orbit.undecided):
         settles = "it is not known whether the motion is stable"
     elif bool(orbit.stable):
-        settles = f"settles in {float(orbit.settling_turns):.4g} turns"
+        settles = f"settles in {number(float(orbit.settling_turns))} turns"
     lines.append(f"multipliers {moduli} a period: {settles}")
     lines += [orbit.instability] if orbit.instability else []
     if np.isfinite(orbit.least_penetration):
@@ -181,38 +183,53 @@ def table(
     machine: Machine,
     marked: Collection[str],
 ) -> Table:
-    """Slopes of both forces by every parameter, in the units given; `marked` ones have a *.
+    """Slopes of the forces' RMS by every parameter, in the units given; `marked` ones have a *.
 
-    What changes the RMS most in a `step` comes first; what changes neither force is left out.
+    What changes the shaking force most in a `step` comes first; what changes neither force is left
+    out.
     """
-    (leading, *_), values = slopes, machine.values
-    rms, shaking = slopes[leading], slopes["shaking_rms"]
-    percent = 100 / float(orbit[leading])
-    shares = {
-        name: percent * of * step(machine.numbers[name], values[name])
-        for name, of in rms.items()
-        if of or shaking[name]
-    }
+    shares, (shaking, *others) = changes(orbit, slopes, machine), slopes
+
+    def slope(metric: str, name: str, size: float) -> str:
+        """Return a slope by the unit of its number, 0 where a step changes too little."""
+        return number(slopes[metric][name] * size if shares[name][metric] else 0.0)
+
     # Without a frame every key stands in one line of 80 columns.
-    headings = ["parameter", "value", "slope of the RMS", "% a step", "of shaking"][
-        : 3 + len(slopes)
-    ]
+    headings = ["parameter", "value", "shaking", "% a step"]
+    headings += [name.removesuffix("_rms") for name in others]
     shown = Table(*headings, box=None, padding=(0, 1, 0, 0), pad_edge=False)
     shown.columns[0].overflow = "fold"  # a key is to be copied whole
-    for name in sorted(shares, key=lambda name: -abs(shares[name])):
+
+    def rank(name: str) -> tuple[bool, float]:
+        """Return where a number stands, those without a slope last."""
+        share = shares[name][shaking]
+        return bool(np.isnan(share)), -abs(share)
+
+    for name in sorted(shares, key=rank):
         unit, size = unit_of(name, machine.units)
-        value = f"{values[name] / size:.6g} {unit}".rstrip() + " *" * (name in marked)
-        slope = f"{number(rms[name] * size)} {per('N', unit)}"
-        row = name, value, slope, f"{shares[name]:.3g}", number(shaking[name] * size)
-        shown.add_row(*row[: 3 + len(slopes)])
+        value = f"{machine.values[name] / size:.6g} {unit}".rstrip() + " *" * (name in marked)
+        first = f"{slope(shaking, name, size)} {per('N', unit)}", f"{shares[name][shaking]:.3g}"
+        shown.add_row(name, value, *first, *(slope(other, name, size) for other in others))
     return shown
 
 
-def felt(slopes: dict[str, float], force: float, machine: Machine) -> dict[str, float]:
-    """Return slopes of a force (N), zero where a `step` changes no digit of it."""
-    steps = {name: step(machine.numbers[name], machine.values[name]) for name in slopes}
-    least = np.finfo(float).eps * force
-    return {name: 0.0 if abs(of) * steps[name] <= least else of for name, of in slopes.items()}
+def changes(
+    orbit: PeriodicOrbit, slopes: dict[str, dict[str, float]], machine: Machine
+) -> dict[str, dict[str, float]]:
+    """Return by how much (%) a `step` of each number changes each force, if it changes one.
+
+    Less than `LEAST` is 0.
+    """
+    found = {}
+    for name in next(iter(slopes.values())):
+        percent = 100 * step(machine.numbers[name], machine.values[name])
+        shares = {
+            metric: percent * of[name] / float(orbit[metric]) for metric, of in slopes.items()
+        }
+        shares = {metric: 0.0 if abs(one) < LEAST else one for metric, one in shares.items()}
+        if any(shares.values()):  # NaN too is no small change
+            found[name] = shares
+    return found
 
 
 def step(of: Parameter, value: float) -> float:
@@ -222,9 +239,7 @@ def step(of: Parameter, value: float) -> float:
     return 0.01 * (abs(value) or of.scale)
 
 
-def notes(
-    machine: Machine, marked: Collection[str], slopes: dict[str, dict[str, float]]
-) -> list[str]:
+def notes(machine: Machine, marked: Collection[str], shown: Collection[str]) -> list[str]:
     """Explain the columns of the table, its marks, and what it leaves out."""
     values, known = machine.values, machine.numbers
     names = numbers_of(values, known)
@@ -232,10 +247,13 @@ def notes(
     of_zero = "".join(
         f", {said(name, step(known[name], 0.0), machine.units)} of {name}" for name in zero
     )
-    lines = [f"A step is 1 % of the value, 1 deg of an angle{of_zero}."]
-    idle = [name for name in names if not any(of[name] for of in slopes.values())]
+    lines = [
+        "Slopes are of the RMS of each force. A step is 1 % of the value, 1 deg of an "
+        f"angle{of_zero}."
+    ]
+    idle = [name for name in names if name not in shown]
     if idle:
-        lines.append(f"Neither force changes with {', '.join(idle)}.")
+        lines.append(f"No force changes by {LEAST:g} % with a step of {', '.join(idle)}.")
     if marked:
         lines.append("* is the PE250x400's value, because the scene file has none.")
     return lines

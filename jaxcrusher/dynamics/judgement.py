@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import ArrayLike, Complex
 from scipy.special import stdtrit
 
-from jaxcrusher.files.text import digits_apart
+from jaxcrusher.files.text import digits_apart, number, with_error
 
 # A tangent that has grown by more than exp(3) says more of the start than of the parameter.
 GROWTH = 3.0
@@ -140,7 +140,7 @@ class _Estimate:
     freedom: float
 
     def __str__(self) -> str:
-        return f"{self.value:.4g} ± {self.error:.2g}" if self.error else f"{self.value:.4g}"
+        return with_error(self.value, self.error) if self.error else number(self.value)
 
     def quantile(self, level: float) -> float:
         """How many standard errors Student's t exceeds, to either side, with this chance."""

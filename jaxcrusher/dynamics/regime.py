@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require, require_untraced, require_whole
 from jaxcrusher.basics.integrate import Outcome
+from jaxcrusher.files.text import with_error
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import Scene, require_scene
 from jaxcrusher.mechanism.state import pins_of
@@ -136,7 +137,7 @@ def judged(
     trend, significant = indicators.spread_trend(points, noise=NOISE * rtol)
     largest, error = exponents.exponents[0], exponents.errors[0]
     evidence = [
-        f"largest exponent {largest:.3g} ± {error:.2g} a turn",
+        f"largest exponent {with_error(largest, error)} a turn",
         f"no 0-1 test of fewer than {TESTED} points"
         if zero_one is None
         else f"0-1 test {zero_one:.2f}",

@@ -28,6 +28,7 @@ from jaxcrusher.basics.traced import traced
 from jaxcrusher.batch.engines import map_all
 from jaxcrusher.dynamics.judgement import FITS, Slope, judge
 from jaxcrusher.dynamics.regime import Regime, classify
+from jaxcrusher.files.text import number, with_error
 from jaxcrusher.mechanism.reductions import Statistic
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import shifted_start
@@ -77,16 +78,16 @@ class GradientReport:
 
     def __str__(self) -> str:
         """The motion, and two lines a parameter: the slope, and how the estimates agree."""
-        growth = f"exponent x horizon {self.growth[0]:.2g} ± {self.growth[1]:.2g}"
+        growth = f"exponent x horizon {with_error(*self.growth)}"
         lines = [f"d {self.metric}; {self.regime}; {growth}"]
         for s in self.slopes.values():
             why = f" ({'; '.join(s.reasons)})" if s.reasons else ""
             lines.append(
-                f"  by {s.parameter}: {s.value:.6g} ± {s.standard_error:.2g}, {s.estimator}, "
+                f"  by {s.parameter}: {with_error(s.value, s.standard_error)}, {s.estimator}, "
                 f"{s.verdict}{why}"
             )
             others = (
-                f"{name} {value:.5g}" + (f" ± {error:.2g}" if error else "")
+                f"{name} {with_error(value, error) if error else number(value)}"
                 for name, (value, error) in s.estimates.items()
                 if name != s.estimator
             )
@@ -143,8 +144,8 @@ def gradient_report(
     require_untraced("parameters", parameters, "gradient_report", "jaxcrusher.statistics")
     require_positive("radius", radius, "")
     whole = (("settle_turns", settle_turns, 0), ("turns", turns, 1), ("pairs", pairs, 1))
-    for name, number, least in (*whole, ("seed", seed, 0)):
-        require_whole(name, number, least)
+    for name, count, least in (*whole, ("seed", seed, 0)):
+        require_whole(name, count, least)
     require_tolerance(rtol)
     for name, value in parameters.items():
         require_within(f"parameters[{name!r}]", value, -np.inf, np.inf)

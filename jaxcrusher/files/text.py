@@ -39,9 +39,27 @@ def two_digits(value: float) -> str:
     return number(float(f"{value:.2g}"))
 
 
+def to_error(value: float, error: float, most: int = 6) -> str:
+    """Return a number to the second digit of its error, but with no more than `most` digits.
+
+    An error that is zero or not finite tells no digit: the number then has those of `number`.
+    """
+    if not (math.isfinite(error) and math.isfinite(value)) or error <= 0:
+        return number(value)
+    # Decimal places: of 0.0123 three, of 4100 minus two.
+    places = 1 - math.floor(math.log10(float(f"{error:.1e}")))
+    if value != 0:
+        places = min(places, most - 1 - math.floor(math.log10(abs(value))))
+    rounded = round(value, places)
+    if 1e-4 <= abs(rounded) < 1e7 or rounded == 0:
+        return f"{rounded:z.{max(places, 0)}f}"
+    return f"{rounded:.{max(1, places + 1 + math.floor(math.log10(abs(rounded))))}g}"
+
+
 def with_error(value: float, error: float) -> str:
     """Return a number with its error or scatter, which is left out where it is not finite."""
-    return f"{number(value)} ± {two_digits(error)}" if math.isfinite(error) else number(value)
+    told = to_error(value, error)
+    return f"{told} ± {two_digits(error)}" if math.isfinite(error) else told
 
 
 def quantity(value: float, unit: str) -> str:

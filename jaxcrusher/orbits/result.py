@@ -18,6 +18,7 @@ from jaxcrusher.basics.checks import (
     require_own_process,
 )
 from jaxcrusher.basics.record import words
+from jaxcrusher.files.text import with_error
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.mechanism.eccentricity import EccentricityState
 from jaxcrusher.mechanism.reductions import SAMPLES
@@ -200,7 +201,7 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
         name = self.scene.leading
         value, error = float(self.run[name]), float(self.run.standard_error(name))
         unit = self.scene.statistics[name].unit
-        return f"Its RMS is {value:.7g} ± {error:.1g} {unit} over {self.run.turns} turns."
+        return f"Its RMS is {with_error(value, error)} {unit} over {self.run.turns} turns."
 
     def _growth(self) -> str:
         """Say how disturbances of an orbit grow that is not known to be stable."""

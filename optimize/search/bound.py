@@ -12,7 +12,7 @@ import numpy as np
 import scipy.spatial
 from jaxtyping import Bool, Float, Int
 
-from jaxcrusher.files.text import quantity
+from jaxcrusher.files.text import quantity, with_error
 from optimize.answer import Bound, Confirmed, Maps, OpenPoint
 from optimize.ask.design import GRID_DIMENSIONS
 from optimize.ask.problem import Problem
@@ -151,7 +151,7 @@ def _motion(rows: Rows, i: int) -> str:
     if not said.get("motion"):
         return str(why)
     return (
-        f"{why} {said['motion']} Its RMS is {said['run_rms']:.7g} ± {said['run_rms_error']:.1g} N."
+        f"{why} {said['motion']} Its RMS is {with_error(said['run_rms'], said['run_rms_error'])} N."
     )
 
 

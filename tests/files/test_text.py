@@ -34,14 +34,22 @@ def test_a_number_keeps_four_digits_and_all_before_the_point(value, text):
 @pytest.mark.parametrize(
     ("value", "error", "text"),
     [
-        (12.3456, 0.0123, "12.35 ± 0.012"),
-        (18249.6, 1234.0, "18250 ± 1200"),
+        (12.3456, 0.0123, "12.346 ± 0.012"),
+        (12.3456, 0.0999, "12.35 ± 0.1"),
+        (18249.6, 1234.0, "18200 ± 1200"),
+        (239511.0, 4100.0, "239500 ± 4100"),
+        (-0.00034567, 0.000012, "-0.000346 ± 1.2e-05"),
+        (3.4567e-6, 1.2e-7, "3.46e-06 ± 1.2e-07"),
+        (3.4567e9, 1.2e8, "3.46e+09 ± 1.2e+08"),
+        (19102.318412, 1e-6, "19102.3 ± 1e-06"),  # six digits at most
+        (0.3, 12.0, "0 ± 12"),
+        (-0.3, 12.0, "0 ± 12"),
         (3.0, 0.0, "3 ± 0"),
         (3.0, math.nan, "3"),  # one turn tells none
         (math.nan, math.nan, "no value"),
     ],
 )
-def test_an_error_has_two_digits(value, error, text):
+def test_a_number_has_the_digits_that_its_error_leaves(value, error, text):
     assert with_error(value, error) == text and is_number(text) == (text != "no value")
 
 

@@ -237,11 +237,11 @@ def test_every_text_is_escaped(page):
 
 def test_page_shows_what_it_knows_and_what_it_does_not(page):
     text = page.read_text()
-    assert "18250 ± 7.2" in text and "9250 ± 7.2" in text and "1 of 2 checks failed." in text
+    assert "18250.1 ± 7.2" in text and "9250.1 ± 7.2" in text and "1 of 2 checks failed." in text
     assert "half a 95 % interval, from 6 independent runs" in text
     # One of six runs failed: there is no number to show, and no design to choose.
     assert ">1 of 6 failed</td>" in text and ">no value</td>" in text
-    for start, mean in (("centred", "18250 ± 7.2"), ("contact", "9250 ± 7.2")):
+    for start, mean in (("centred", "18250.1 ± 7.2"), ("contact", "9250.1 ± 7.2")):
         motion, turns, told = cells(text, f"optimum, {start} start")
         assert motion.startswith("not known to settle; ") and (turns, told) == ("unknown", mean)
     assert "contact of half-width 1.80 radii: not Hertzian" in text
@@ -610,7 +610,7 @@ def test_interrupted_run_says_what_is_missing(tmp_path):
     half = replace(BEGUN, optimum=found.optimum, candidates=found.candidates, bound=found.bound)
     text = write_page(tmp_path, over_a_map(half, hand_made_orbits()), ()).read_text()
     assert data_of(text)["motions"] is not None
-    assert "18250 ± 7.2" in text and "No slopes" in text and "No remark" in text
+    assert "18250.1 ± 7.2" in text and "No slopes" in text and "No remark" in text
 
 
 def test_a_box_without_a_map_shows_the_first_turns_and_says_why(tmp_path):

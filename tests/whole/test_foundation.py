@@ -180,7 +180,7 @@ def test_numbers_of_a_page():
 
     assert shown(-0.0, phase_rad=-1e-5) == "0"
     assert shown(1.0, phase_rad=np.pi / 2, ideal=1.00001) == "1 at 90°"
-    assert shown(1.0, ideal=2.0, scatter=0.0123) == "2 | 1 ± 0.012"
+    assert shown(1.0, ideal=2.0, scatter=0.0123) == "2 | 1.000 ± 0.012"
     assert shown(1.0, scatter=1e-6) == "1"
     assert shown(3.0, lowest=1.5, highest=4.25, ideal=1.0) == "1 | 3 (1.5 to 4.25)"
 
@@ -194,7 +194,7 @@ def test_shares_have_their_unit_in_the_heading():
     ]
     heading, *lines = foundation.grids(rows)["part"]
     assert heading == ("", "unit", "RMS", "fast, %", "")
-    assert [line[3] for line in lines] == ["88.12 ± 1.8", "0"]
+    assert [line[3] for line in lines] == ["88.1 ± 1.8", "0"]
     assert [line[1] for line in lines] == ["kN", "kN"]
 
 
