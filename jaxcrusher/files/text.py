@@ -44,6 +44,22 @@ def with_error(value: float, error: float) -> str:
     return f"{number(value)} ± {two_digits(error)}" if math.isfinite(error) else number(value)
 
 
+def measured(value: float, unit: str, error: float) -> str:
+    """Return a number with its unit as `quantity` does, and with its error if that is known.
+
+    The last digit of the number is then that of two digits of its error, or the eighth of its own.
+    """
+    if not (math.isfinite(value) and math.isfinite(error) and error > 0):
+        return quantity(value, unit)
+    factor, unit = prefixed(abs(value), unit)
+    value, error = value / factor, error / factor
+    places = 1 - math.floor(math.log10(error))
+    if value:
+        places = min(places, 7 - math.floor(math.log10(abs(value))))
+    rounded = f"{round(value, places):.{max(places, 0)}f}"
+    return f"{rounded} ± {two_digits(error)} {unit}".removesuffix(" 1")
+
+
 def quantity(value: float, unit: str) -> str:
     """Return a number with its unit, if any, or with the one that suits its size."""
     if math.isnan(value):
