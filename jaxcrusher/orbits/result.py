@@ -241,7 +241,7 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
         scene, error = self.scene, np.asarray(self.error * abs(self.values[self.scene.leading]))
         usual = (scene.leading, *(n for n in scene.usual_statistics if n != scene.leading))
         errors = {} if error.ndim else {scene.leading: float(error)}
-        kept = "penetration over clearance; contact is kept where it is > 0"
+        kept = "penetration over clearance: contact is kept above 0"
         rows = [
             *self._rows_of((name for name in usual if name in self.values), errors),
             Row("least_penetration", said(self.least_penetration, "1"), kept),
