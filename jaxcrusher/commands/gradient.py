@@ -93,7 +93,7 @@ def shown(report: GradientReport, units: dict[str, str]) -> GradientReport:
         return dataclasses.replace(slope, value=value, standard_error=error, estimates=estimates)
 
     slopes = {name: one(slope) for name, slope in report.slopes.items()}
-    return dataclasses.replace(report, slopes=slopes)
+    return dataclasses.replace(report, slopes=slopes, units={})
 
 
 def content(report: GradientReport, of: str, machine: Machine) -> dict[str, Any]:

@@ -21,8 +21,10 @@ from jaxcrusher.batch.cluster import connected
 from jaxcrusher.batch.engines import computing, run_all
 from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import Layout, opened
+from jaxcrusher.files import svg
 from jaxcrusher.files.table import COLUMNS
 from jaxcrusher.files.text import number
+from jaxcrusher.files.told import Summary, Told
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import Scene, require_scene, require_steady
 from jaxcrusher.mechanism.state import pins_of
@@ -53,8 +55,8 @@ SAME = 1e-6
 MOST_FAILURES = 3
 
 
-@dataclass(frozen=True)
-class CoexistingOrbits:
+@dataclass(frozen=True, repr=False)
+class CoexistingOrbits(Told):
     """Stable orbits, the most frequent first, and which start comes to which.
 
     An orbit that no start came to has a share of 0. Another spread of the starts gives other
@@ -81,6 +83,14 @@ class CoexistingOrbits:
         n = len(self.labels)
         means = [(share * n + 1) / (n + 2) for share in self.shares]
         return tuple(float(np.sqrt(mean * (1 - mean) / (n + 3))) for mean in means)
+
+    def _summary(self) -> Summary:
+        count = f"{len(self.orbits)} stable orbits, {len(self.labels)} starts"
+        return Summary(f"CoexistingOrbits: {count}", (), str(self).splitlines())
+
+    def _picture(self) -> str:
+        paths = [orbit.eccentricity for orbit in self.orbits if orbit.eccentricity is not None]
+        return svg.pins_in_bores([path[:, :2] for path in paths]) if paths else ""
 
     def __str__(self) -> str:
         """Return a line for each orbit."""

@@ -9,7 +9,8 @@ from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require, require_untraced, require_whole
 from jaxcrusher.basics.integrate import Outcome
-from jaxcrusher.files.text import with_error
+from jaxcrusher.files.text import measured, with_error
+from jaxcrusher.files.told import Row, Summary, Told
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import Scene, require_scene
 from jaxcrusher.mechanism.state import pins_of
@@ -35,8 +36,8 @@ WHIRL_TURNS = 20
 NOISE = 2e5
 
 
-@dataclass(frozen=True)
-class Regime:
+@dataclass(frozen=True, repr=False)
+class Regime(Told):
     """A verdict and its evidence.
 
     `name` is "periodic", "quasi-periodic", "chaotic", "whirl", "not settled", "undecided" or
@@ -52,10 +53,21 @@ class Regime:
     statistics: Statistics | None = None
     state: np.ndarray | None = None  # the last of the section's points
 
+    @property
+    def _verdict(self) -> str:
+        return f"period {self.period}" if self.period else self.name
+
+    def _summary(self) -> Summary:
+        title = "Regime FAILED" if self.name == "failed" else f"Regime: {self._verdict}"
+        found = self.exponents
+        both = () if found is None else zip(found.exponents, found.errors, strict=True)
+        exponents = [measured(float(one), "a turn", float(error)) for one, error in both]
+        rows = [Row(f"exponent {i}", text) for i, text in enumerate(exponents[:4], 1)]
+        return Summary(title, rows, self.evidence)
+
     def __str__(self) -> str:
         """One line."""
-        name = f"period {self.period}" if self.period else self.name
-        return f"{name}: {'; '.join(self.evidence)}"
+        return f"{self._verdict}: {'; '.join(self.evidence)}"
 
 
 def regime(

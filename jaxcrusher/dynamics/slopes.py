@@ -7,7 +7,7 @@ linear fit over pairs of runs.
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import equinox as eqx
 import jax
@@ -28,7 +28,8 @@ from jaxcrusher.basics.traced import traced
 from jaxcrusher.batch.engines import map_all
 from jaxcrusher.dynamics.judgement import FITS, Slope, judge
 from jaxcrusher.dynamics.regime import Regime, classify
-from jaxcrusher.files.text import number, with_error
+from jaxcrusher.files.text import measured, number, with_error
+from jaxcrusher.files.told import Row, Summary, Told
 from jaxcrusher.mechanism.reductions import Statistic
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import shifted_start
@@ -40,6 +41,7 @@ from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
 from jaxcrusher.orbits.slopes import orbit_beside, orbit_slopes
 from jaxcrusher.scenes.machine import Machine, machine_of
+from jaxcrusher.scenes.units import per
 
 # Regime -> why its slope may not be that of the motion in the end.
 UNSETTLED = {
@@ -61,8 +63,8 @@ TANGENT_TURNS = 40
 REGIME_RTOL, REGIME_TURNS = 1e-10, 200
 
 
-@dataclass(frozen=True)
-class GradientReport:
+@dataclass(frozen=True, repr=False)
+class GradientReport(Told):
     """The slopes of one statistic at one design."""
 
     metric: str
@@ -70,11 +72,23 @@ class GradientReport:
     horizon: int  # turns a run lasts
     growth: tuple[float, float]  # largest exponent times horizon, and its standard error
     slopes: dict[str, Slope]
+    units: Mapping[str, str] = field(default_factory=dict)  # of slopes, as far as they are known
 
     @property
     def usable(self) -> bool:
         """Every slope is ok."""
         return all(slope.verdict == "ok" for slope in self.slopes.values())
+
+    def _summary(self) -> Summary:
+        good = "every slope is ok" if self.usable else "NOT every slope is ok"
+        rows, reasons = [], []
+        for name, slope in self.slopes.items():
+            text = measured(slope.value, self.units.get(name, "1"), slope.standard_error)
+            rows.append(Row(f"by {name}", text, f"{slope.verdict}, {slope.estimator}"))
+            reasons += [f"{name}: {reason}" for reason in slope.reasons]
+        return Summary(
+            f"GradientReport of {self.metric}: {good}", rows, (str(self.regime), *reasons)
+        )
 
     def __str__(self) -> str:
         """The motion, and two lines a parameter: the slope, and how the estimates agree."""
@@ -161,6 +175,7 @@ def gradient_report(
     require_choice("metric", metric, tuple(here.statistics))
     require(not here.is_ideal, "machine", "have a joint with clearance", "ideal joints")
     statistic = here.statistics[metric]
+    units = {name: per(statistic.unit, known[name].unit) for name in names if name in known}
     build = traced(make, point)
     horizon = settle_turns + turns
     progress("looking for the periodic orbit")
@@ -172,7 +187,8 @@ def gradient_report(
             of, value, error, beside = map(float, (radius, *told))
             estimates = {"implicit": (value, error), "orbits": (beside, 0.0)}
             slopes[name] = judge(name, estimates, False, of, growth=0.0, multipliers=multipliers)
-        return GradientReport(metric, kind, horizon, _growth_over(horizon, kind), slopes)
+        growth = _growth_over(horizon, kind)
+        return GradientReport(metric, kind, horizon, growth, slopes, units)
 
     beside = orbit_beside(here)
     if beside is not None:
@@ -189,7 +205,7 @@ def gradient_report(
     if kind.exponents is None:
         why = (f"the motion is {kind.name}: outside the model",)
         slopes = {n: Slope(n, "none", np.nan, np.nan, 0.0, "refused", why, {}) for n in names}
-        return GradientReport(metric, kind, horizon, (np.nan, np.nan), slopes)
+        return GradientReport(metric, kind, horizon, (np.nan, np.nan), slopes, units)
     if kind.period is not None and kind.state is not None:
         progress("differentiating along its orbit")
         orbit = shoot(here, kind.state, kind.period)
@@ -224,7 +240,8 @@ def gradient_report(
             drift=(float(fits[0].drifts[i]), float(fits[0].drift_errors[i])),
             unsettled=UNSETTLED.get(kind.name, ""),
         )
-    return GradientReport(metric, kind, horizon, _growth_over(horizon, kind), slopes)
+    growth = _growth_over(horizon, kind)
+    return GradientReport(metric, kind, horizon, growth, slopes, units)
 
 
 def _regime_of(orbit: PeriodicOrbit) -> Regime:

@@ -62,6 +62,14 @@ def with_error(value: float, error: float) -> str:
     return f"{told} ± {two_digits(error)}" if math.isfinite(error) else told
 
 
+def measured(value: float, unit: str, error: float) -> str:
+    """Return a number with its unit as `quantity` does, and with its error if there is one."""
+    if not error > 0:
+        return quantity(value, unit)
+    factor, unit = prefixed(abs(value), unit)
+    return f"{with_error(value / factor, error / factor)} {unit}".removesuffix(" 1")
+
+
 def quantity(value: float, unit: str) -> str:
     """Return a number with its unit, if any, or with the one that suits its size."""
     if math.isnan(value):

@@ -15,6 +15,8 @@ from scipy.stats import chi2, qmc
 
 from jaxcrusher.basics.checks import require, require_positive, require_whole, require_within
 from jaxcrusher.basics.setup import cores, require_set_up
+from jaxcrusher.files import svg
+from jaxcrusher.files.told import Row, Summary, Told
 from jaxcrusher.identification.measurements import Measurement, taken
 from jaxcrusher.identification.model import (
     Quantities,
@@ -140,8 +142,8 @@ class _Problem:
         return found.x, float(np.sum(found.fun[: -len(start)] ** 2))
 
 
-@dataclass(frozen=True)
-class Identified:
+@dataclass(frozen=True, repr=False)
+class Identified(Told):
     """Numbers of a machine that measurements tell, and how surely.
 
     Arrays have the order of `values`. `residuals` are in sigmas; a harmonic with its phase has two.
@@ -159,7 +161,7 @@ class Identified:
     untold: Sequence[Untold]
     starts: Sequence[float]  # chi-squares that starts came to, the least first; infinite: no orbit
     remarks: Sequence[str]
-    problem: _Problem = field(repr=False)
+    problem: _Problem
 
     @property
     def standard_deviations(self) -> dict[str, float]:
@@ -256,6 +258,17 @@ class Identified:
     def __str__(self) -> str:
         """The answer in lines."""
         return "\n".join(self.lines())
+
+    def _summary(self) -> Summary:
+        lines, count = self.lines(), len(self.values)
+        rows = [Row(*line.split(": ", 1)) for line in lines[:count]]
+        fits = "" if not self.chance < UNLIKELY else ", which the model does NOT fit"
+        title = f"Identified: {count} numbers from {len(self.measured)} measurements{fits}"
+        return Summary(title, rows, lines[count:])
+
+    def _picture(self) -> str:
+        rows = np.arange(1, len(self.residuals) + 1)
+        return svg.curve(rows, self.residuals, "residuals, in sigmas, one after the other")
 
 
 @of_description

@@ -22,7 +22,7 @@ from jaxcrusher.basics.checks import (
     require_x64,
 )
 from jaxcrusher.basics.plane import Vector, plus
-from jaxcrusher.basics.record import Printed
+from jaxcrusher.files.told import Summary, Told
 from jaxcrusher.joint.clearance import AbstractBearing, AbstractGap, ClearanceJoint
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.guide import Guide
@@ -35,6 +35,7 @@ from jaxcrusher.mechanism.quantities import LACKING, Asked, Parts, Template, ask
 from jaxcrusher.mechanism.reductions import Chosen, Statistic
 from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation, OnSupports
+from jaxcrusher.mechanism.telling import sketch_of, summary_of
 from jaxcrusher.mechanism.topology import FRAME
 
 
@@ -52,7 +53,7 @@ def _centred() -> "AbstractStart":
     return Centred()
 
 
-class Scene(Printed):
+class Scene(Told, eqx.Module):
     """A linkage with a drive, the gaps of its loose joints and slides, and forces on its bodies.
 
     Joints and slides that are not named are ideal; a slide without a gap may have friction by
@@ -294,6 +295,12 @@ class Scene(Printed):
     def has_unknowns(self) -> bool:
         """Whether a joint has clearance or the frame stands on supports: what an orbit is of."""
         return not self.is_ideal or self.supports is not None
+
+    def _summary(self) -> Summary:
+        return summary_of(self)
+
+    def _picture(self) -> str:
+        return sketch_of(self)
 
 
 def later(scene: Scene, angle: Any) -> Scene:

@@ -1,13 +1,13 @@
 """Results by name."""
 
 import abc
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Array
 
-from jaxcrusher.basics.checks import concrete
+from jaxcrusher.files.told import Row, Summary, Told, said
 
 # What may be asked for by name, each with its `unit`.
 Known = tuple[tuple[str, Any], ...]
@@ -36,11 +36,11 @@ def made_of(needed: str) -> Callable[[Callable[[Any], Array]], Any]:
     return made
 
 
-class AbstractNamed(abc.ABC):
+class AbstractNamed(Told):
     """Arrays by name: `result.x` or `result["x"]`, for every x of `values`.
 
-    What was not asked for raises AttributeError or KeyError, which say so. `print(result)` shows
-    what there is, with its units.
+    What was not asked for raises AttributeError or KeyError, which say so. The result at a prompt,
+    or `print(result)`, shows what there is, with its units.
     """
 
     values: Mapping[str, Any]  # a field of the module that inherits
@@ -81,16 +81,57 @@ class AbstractNamed(abc.ABC):
     def __dir__(self):
         return [*filter(self._offers, super().__dir__()), *self.values]
 
-    def __str__(self) -> str:
-        """A line for each name, and first what failed."""
-        known = concrete(self.success)
-        why = self.failure if known is not None and known.ndim == 0 else ""
-        lines = [f"{type(self).__name__}: {why}" if why else type(self).__name__]
-        width, units = max(map(len, self.values), default=0), self.units()
-        for name, value in self.values.items():
-            unit = "" if units[name] == "1" else f" {units[name]}"
-            lines.append(f"  {name:{width}} {_shown(value)}{unit}")
-        return "\n".join(lines)
+    def _entries(self) -> Mapping[str, Any]:
+        """Return what is known of names: their `unit` and `meaning`."""
+        return {}
+
+    @property
+    def _is_one(self) -> bool:
+        """Whether it is one result, which has not failed."""
+        good = np.asarray(self.success)
+        return not good.ndim and bool(good)
+
+    def _headline(self) -> str:
+        """Say what it is, if it is one and has not failed."""
+        return ""
+
+    def _counted(self) -> Mapping[str, Any]:
+        """Return what is true of some of a batch, by the word for it."""
+        return {}
+
+    def _rows(self) -> list[Row]:
+        """Return a row for each name that was asked for, in the order of all that may be."""
+        return self._rows_of(self._told)
+
+    @property
+    def _told(self) -> list[str]:
+        # JAX sorts the names of `values`.
+        return [name for name in self.units() if name in self.values]
+
+    def _rows_of(self, names: Iterable[str], errors: Mapping[str, Any] = {}) -> list[Row]:
+        units, entries = self.units(), self._entries()
+        return [
+            Row(
+                name,
+                said(self.values[name], units[name], errors.get(name, np.nan)),
+                getattr(entries.get(name), "meaning", ""),
+            )
+            for name in names
+        ]
+
+    def _remarks(self) -> list[str]:
+        """Return what else is said of one that has not failed."""
+        return []
+
+    def _summary(self) -> Summary:
+        kind, good = type(self).__name__, np.asarray(self.success)
+        if good.ndim:
+            counts = {"FAILED": ~good, **self._counted()}
+            told = ", ".join(f"{np.sum(which)} {word}" for word, which in counts.items())
+            return Summary(f"{kind}, a batch of {good.size}: {told}", self._rows())
+        if not good:
+            return Summary(f"{kind} FAILED: {self.failure}")
+        return Summary(f"{kind}: {self._headline()}", self._rows(), self._remarks())
 
     def _offers(self, name: str) -> bool:
         found = getattr(type(self), name, None)
@@ -100,12 +141,3 @@ class AbstractNamed(abc.ABC):
         if name in self.units():
             return f"`{name}` was not asked for: name it in `outputs`."
         return f"There is no `{name}`, but {', '.join(self.values)}."
-
-
-def _shown(value: Any) -> str:
-    """A number; of more its shape, of a module its name."""
-    shape = getattr(value, "shape", None)
-    if shape is None:
-        return type(value).__name__
-    known = concrete(value)
-    return f"{np.asarray(known).item():.10g}" if known is not None and not shape else f"{shape}"

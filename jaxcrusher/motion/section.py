@@ -14,6 +14,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.basics.integrate import RESULTS, Integration, Outcome, integrate
 from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.files.told import Row, said
 from jaxcrusher.mechanism.reductions import Chosen, of_slices
 from jaxcrusher.mechanism.scene import Scene, require_steady
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
@@ -21,7 +22,7 @@ from jaxcrusher.motion.method import Method, resolve, warn_of_slopes
 from jaxcrusher.motion.statistics import AbstractOverTurns, Statistics, by_turns, statistics_problem
 
 
-class Section(eqx.Module, AbstractOverTurns):
+class Section(AbstractOverTurns, eqx.Module):
     """States at the end of each turn, where the shaft is again at angle zero.
 
     With the default formulation a state has of each loose joint in turn (e_x / c, e_y / c, e_x',
@@ -50,6 +51,12 @@ class Section(eqx.Module, AbstractOverTurns):
         values = {name: table[name].reduction.of_pieces(q) for name, q in self.values.items()}
         turns, state = len(self.states), self.state
         return Statistics(turns, self.outcome, values, self.values, state, known=self.known)
+
+    def _headline(self) -> str:
+        return f"states at the ends of {len(self.states)} turns"
+
+    def _rows(self) -> list[Row]:
+        return [Row("states", said(self.states, "1")), *self._rows_of(self._told)]
 
     @property
     def slices(self) -> int:

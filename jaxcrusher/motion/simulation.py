@@ -1,7 +1,9 @@
 """Simulate a scene and look at it at given times."""
 
+import dataclasses
 import functools
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -18,10 +20,12 @@ from jaxcrusher.basics.integrate import (
     failure_text,
     integrate,
 )
-from jaxcrusher.basics.record import Printed
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.machine import JOINTS
 from jaxcrusher.crusher.template import CRUSHER
+from jaxcrusher.files import svg
+from jaxcrusher.files.text import number, quantity
+from jaxcrusher.files.told import Row, Summary, Told, range_of, said
 from jaxcrusher.mechanism import observables
 from jaxcrusher.mechanism.acting import push_power, spring_loss
 from jaxcrusher.mechanism.quantities import Parts, asked_of
@@ -45,6 +49,8 @@ ENERGIES = {
     "potential": observables.potential_energy,
     "elastic": observables.elastic_energy,
 }
+# What pictures show first: a crusher's |R_O| + |R_C|, or what shakes the ground.
+LEADING_FORCES = ("foundation_force", "shaking_force")
 # What `simulate` can report of any crusher. One with further loose joints, on supports or with a
 # tension rod has more: `scene.observables` has all, with units.
 OUTPUTS = (*asked_of(CRUSHER, Parts(JOINTS, ())).observables, "energy")
@@ -60,7 +66,7 @@ def _works(scene: Scene) -> dict[str, Callable]:
     return found
 
 
-class Energy(Printed):
+class Energy(Told, eqx.Module):
     """The energy ledger: energies, and work since time zero, J; shape (times,) or one instant.
 
     Springs of supports and rod count as elastic; `support_loss` is what dampers of supports took,
@@ -89,8 +95,19 @@ class Energy(Printed):
             balance = balance if loss is None else balance + loss
         return balance - balance[..., :1]
 
+    def _summary(self) -> Summary:
+        parts = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
+        rows = [Row(name, said(of, "J")) for name, of in parts.items() if of is not None]
+        return Summary(f"Energy: {self._balance}", rows)
 
-class Trajectory(eqx.Module, AbstractNamed, ObservableNames):
+    @property
+    def _balance(self) -> str:
+        if not self.kinetic.ndim:
+            return "of one instant"
+        return f"balanced to {quantity(float(np.nanmax(np.abs(self.imbalance))), 'J')}"
+
+
+class Trajectory(AbstractNamed, eqx.Module, ObservableNames):
     """A motion at given times, by name: the scene's `observables` have units and meanings.
 
     Vectors have shape (times, 2), x to the right and y up. A failed simulation has
@@ -126,6 +143,39 @@ class Trajectory(eqx.Module, AbstractNamed, ObservableNames):
         """The displacement of B since the first time, m."""
         places = self["jaw_position"]
         return places - places[..., :1, :]
+
+    def _entries(self) -> Mapping[str, Any]:
+        return dict(self.known)
+
+    def _headline(self) -> str:
+        first, last = (float(self.time[i]) for i in (0, -1))
+        return f"{len(self.time)} times from {number(first)} to {number(last)} s"
+
+    def _rows(self) -> list[Row]:
+        rows = self._rows_of(name for name in self._told if name != "energy")
+        if "energy" in self.values:
+            rows.append(Row("energy", self.energy._balance, "its ledger"))
+        return rows
+
+    def _picture(self) -> str:
+        scalars = [name for name, of in self.values.items() if np.shape(of) == self.time.shape]
+        if not self._is_one or not scalars:
+            return ""
+        name = next((name for name in LEADING_FORCES if name in scalars), scalars[0])
+        told = f"{name}, {range_of(self[name], self.units()[name])}, over time"
+        return svg.curve(self.time, self[name], told) + self._pins()
+
+    def _pins(self) -> str:
+        """Return the way of each pin in its bore, as far as it was asked for."""
+        ways = []
+        for name in self.values:
+            at = name.removesuffix("eccentricity")
+            if name != at and f"{at}penetration_ratio" in self.values:
+                # Their length is the clearance and the penetration.
+                depth = 1 + np.asarray(self[f"{at}penetration_ratio"])[:, None]
+                length = np.linalg.norm(self[name], axis=1, keepdims=True)
+                ways.append(np.asarray(self[name]) * depth / np.where(length > 0, length, 1.0))
+        return svg.pins_in_bores(ways) if ways else ""
 
     @made_of("penetration_ratio")
     def contact_fraction(self) -> Float[Array, "*batch"]:
@@ -231,5 +281,5 @@ def _problem(outputs: tuple[str, ...]) -> InitialValueProblem:
 
 
 def leading_force(scene: Scene) -> str:
-    """Return the observable that pictures show: a crusher's |R_O| + |R_C|, or what shakes."""
-    return "foundation_force" if "foundation_force" in scene.observables else "shaking_force"
+    """Return the observable that pictures show."""
+    return next(name for name in LEADING_FORCES if name in scene.observables)

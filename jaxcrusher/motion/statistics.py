@@ -8,6 +8,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
 
 from jaxcrusher.basics.checks import nan_unless, require_whole
@@ -21,6 +22,8 @@ from jaxcrusher.basics.integrate import (
     integrate,
 )
 from jaxcrusher.basics.setup import require_set_up
+from jaxcrusher.files import svg
+from jaxcrusher.files.told import Row
 from jaxcrusher.joint.validity import Validity, validity
 from jaxcrusher.mechanism.reductions import (
     SAMPLES,
@@ -56,6 +59,9 @@ class AbstractOverTurns(AbstractNamed, StatisticNames):
         """Return the unit of every statistic that might have been asked for."""
         return {name: one.unit for name, one in self.known}
 
+    def _entries(self) -> Mapping[str, Any]:
+        return dict(self.known)
+
     @property
     def success(self) -> Bool[Array, "*batch"]:
         """Whether the integration came to its end."""
@@ -67,7 +73,7 @@ class AbstractOverTurns(AbstractNamed, StatisticNames):
         return failure_text(self.outcome, "rad of phase")
 
 
-class Statistics(eqx.Module, AbstractOverTurns):
+class Statistics(AbstractOverTurns, eqx.Module):
     """Statistics over the turns after settling, by name: the scene tells units and meanings.
 
     A failed run has `success` False, NaN in every number, and says why in `failure`.
@@ -136,9 +142,35 @@ class Statistics(eqx.Module, AbstractOverTurns):
         found = jnp.vectorize(functools.partial(standard_error, how), signature="(n)->()")
         return found(self.by_turn[name])
 
+    def _headline(self) -> str:
+        waits = self.turns > 1 and not bool(_judged(self)[1])
+        turns = "1 turn" if self.turns == 1 else f"{self.turns} turns"
+        waiting = " of a motion that has NOT settled" if waits else ""
+        return f"{turns}{waiting}, {self.validity.verdict()}"
+
+    def _counted(self) -> Mapping[str, Any]:
+        return {"inside the contact model": self.validity.inside}
+
+    def _rows(self) -> list[Row]:
+        known = self.turns > 1 and not self.success.ndim
+        return self._rows_of(self._told, _judged(self)[0] if known else {})
+
+    def _picture(self) -> str:
+        if self.turns < 2 or not self._is_one or not self.by_turn:
+            return ""
+        name = self._told[0]
+        values = self.by_turn[name]
+        return svg.curve(np.arange(1, self.turns + 1), values, f"{name} by turn")
+
     def _entry(self, name: str) -> Statistic:
         self[name]  # raises an error that says what is missing
         return dict(self.known)[name]
+
+
+@eqx.filter_jit  # one by one their functions take seconds
+def _judged(found: Statistics) -> tuple[dict[str, Scalar], Bool[Array, ""]]:
+    """Return the errors of all statistics, and whether the motion has settled."""
+    return {name: found.error(name) for name in found.values}, found.settled
 
 
 def statistics(

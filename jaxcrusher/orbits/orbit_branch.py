@@ -22,7 +22,10 @@ from jaxcrusher.basics.checks import (
 from jaxcrusher.basics.setup import require_set_up, warn_once
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.template import STATISTIC
+from jaxcrusher.files import svg
 from jaxcrusher.files.table import COLUMNS, columns_of, dataset
+from jaxcrusher.files.text import measured
+from jaxcrusher.files.told import Row, Summary, Told, said
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
@@ -64,8 +67,9 @@ class Departure:
 
     period: int
     parameter: float
-    unknowns: np.ndarray  # (nodes, dims), or where slices begin, one after the other
-    direction: np.ndarray | None  # of the unknowns and the parameter; None: the parameter's
+    unknowns: np.ndarray = field(repr=False)  # (nodes, dims), or where slices begin, in one row
+    # of the unknowns and the parameter; None: the parameter's
+    direction: np.ndarray | None = field(repr=False)
 
     def with_nodes(self, nodes: int) -> "Departure":
         """Return the same place with so many nodes a turn; where slices begin there are none."""
@@ -117,8 +121,8 @@ class Event:
         return self.point
 
 
-@dataclass(frozen=True)
-class OrbitBranch:
+@dataclass(frozen=True, repr=False)
+class OrbitBranch(Told):
     """Periodic orbits along a branch, and the events between them.
 
     `table` has a row for each orbit, in the order of the branch.
@@ -128,7 +132,7 @@ class OrbitBranch:
     orbits: tuple[PeriodicOrbit, ...]
     events: tuple[Event, ...]
     ended: str  # says why the branch ends
-    branches: tuple[Branch, ...] = field(repr=False)
+    branches: tuple[Branch, ...]
 
     @property
     def found(self) -> str:
@@ -139,6 +143,36 @@ class OrbitBranch:
         if isinstance(problem, ShootingProblem):
             return f"by shooting from {problem.slices} states a turn"
         return f"by collocation with {shape[0] // problem.period} nodes a turn"
+
+    @property
+    def _leading(self) -> str:
+        return self.orbits[0].scene.leading
+
+    def _summary(self) -> Summary:
+        leading, stable = self._leading, self.table["stable"].values
+        unit = self.orbits[0].scene.statistics[leading].unit
+        rows = [
+            Row(name, said(self.table[name].values, "1"))
+            for name in ("parameter", "second")
+            if name in self.table
+        ]
+        rows += [
+            Row(leading, said(self.table[leading].values, unit)),
+            Row("stable", f"{stable.sum()} of {stable.size}"),
+            *(
+                Row(one.kind, f"at {measured(one.parameter, '1', one.error)}")
+                for one in self.events
+            ),
+        ]
+        period = self.orbits[0].period
+        title = f"OrbitBranch: {len(self.orbits)} orbits of period {period}, "
+        title += f"{len(self.events)} events between them"
+        return Summary(title, rows, (self.ended, f"Found {self.found}."))
+
+    def _picture(self) -> str:
+        leading = self._leading
+        values = self.table["parameter"].values, self.table[leading].values
+        return svg.curve(*values, f"{leading} over the parameter")
 
 
 @unnamed("value")

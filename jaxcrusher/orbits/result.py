@@ -18,7 +18,9 @@ from jaxcrusher.basics.checks import (
     require_own_process,
 )
 from jaxcrusher.basics.record import words
+from jaxcrusher.files import svg
 from jaxcrusher.files.text import with_error
+from jaxcrusher.files.told import Row, range_of, said
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.mechanism.eccentricity import EccentricityState
 from jaxcrusher.mechanism.reductions import SAMPLES
@@ -26,7 +28,7 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
-from jaxcrusher.motion.simulation import simulate
+from jaxcrusher.motion.simulation import leading_force, simulate
 from jaxcrusher.motion.statistics import Statistics, limits_of
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits import forced
@@ -36,6 +38,8 @@ from jaxcrusher.periodic.trigonometric import evaluate
 
 # Tolerance of the motion along an orbit that is shot for.
 FINE = 1e-9
+# Instants a turn of the force in a small picture.
+PICTURED = 128
 
 
 class RESULTS(newton.RESULTS):  # pyright: ignore
@@ -74,7 +78,7 @@ class WAYS(eqx.Enumeration):  # pyright: ignore
     branch = "along a branch"
 
 
-class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
+class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
     """A motion that repeats after `period` turns, and its statistics by name.
 
     `orbit.foundation_rms` and so on: the scene's `statistics` have units and
@@ -222,6 +226,56 @@ class PeriodicOrbit(eqx.Module, AbstractNamed, StatisticNames):
                 f"period and grow, so the motion repeats after {2 * self.period} turns or more."
             )
         return f"Its largest multiplier is {largest.real:.6g}: disturbances grow to one side."
+
+    def _entries(self) -> Mapping[str, Any]:
+        return self.scene.statistics
+
+    def _headline(self) -> str:
+        is_stable = "stable" if self.stable else "UNDECIDED" if self.undecided else "UNSTABLE"
+        turns = "each turn" if self.period == 1 else f"after {self.period} turns"
+        return f"{is_stable}, repeats {turns}, {self.validity.verdict()}"
+
+    def _counted(self) -> Mapping[str, Any]:
+        return {"stable": self.stable, "inside the contact model": self.validity.inside}
+
+    def _rows(self) -> list[Row]:
+        scene, error = self.scene, np.asarray(self.error * abs(self.values[self.scene.leading]))
+        usual = (scene.leading, *(n for n in scene.usual_statistics if n != scene.leading))
+        errors = {} if error.ndim else {scene.leading: float(error)}
+        rows = self._rows_of((name for name in usual if name in self.values), errors)
+        if not scene.has_unknowns:
+            return rows
+        kept = "penetration over clearance: contact is kept above 0"
+        return [
+            *rows,
+            Row("least_penetration", said(self.least_penetration, "1"), kept),
+            Row("largest_multiplier", said(self.largest_multiplier, "1", self._multiplier_error())),
+            Row("settling_turns", said(self.settling_turns, "turns"), "to 1/e of a disturbance"),
+        ]
+
+    def _multiplier_error(self) -> float:
+        known = np.asarray(self.multipliers_error)
+        return np.nan if known.ndim else float(known)
+
+    def _remarks(self) -> list[str]:
+        return list(filter(None, (f"Found {self.found}.", self.instability)))
+
+    def _picture(self) -> str:
+        """Return the pins in their bores, and the leading force over the period."""
+        if not self._is_one:
+            return ""
+        name, scene = leading_force(self.scene), self.scene
+        phases = np.linspace(0, 2 * np.pi * self.period, PICTURED * self.period)
+        clearances = {
+            f"{scene.prefix(joint)}eccentricity": float(bearing.clearance)
+            for joint, bearing in scene.bearings.items()
+        }
+        seen = self.motion(phases, (name, *clearances))
+        forces = np.asarray(seen[name])
+        forces = np.linalg.norm(forces, axis=1) if forces.ndim > 1 else forces
+        drawn = svg.curve(phases, forces, f"{name}, {range_of(forces, 'N')}, over the period")
+        pins = [np.asarray(seen[path]) / size for path, size in clearances.items()]
+        return (svg.pins_in_bores(pins) if pins else "") + drawn
 
     def state(self, angle: ArrayLike = 0.0) -> EccentricityState:
         """Return where the motion is at a phase (rad); it may be handed to a formulation.

@@ -13,8 +13,10 @@ from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.files.results import tell
+from jaxcrusher.files.told import Row, Summary, Told
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.scenes.parameters import DRAWN_IN, NUMBERS, Parameter
+from jaxcrusher.scenes.units import said
 
 
 class AbstractStructure(abc.ABC):
@@ -138,8 +140,8 @@ class Family:
         return scene_by(self.structure, {**dict(self.fixed), **numbers})
 
 
-@dataclass(frozen=True, eq=False)
-class Machine:
+@dataclass(frozen=True, eq=False, repr=False)
+class Machine(Told):
     """A structure with its numbers and choices: what a file describes, and what is computed with.
 
     `machine.scene()` is its scene, `machine.scene(speed=300.0)` that of other numbers, which may be
@@ -174,6 +176,22 @@ class Machine:
         own = {n: one.unit for n, one in self.numbers.items() if n not in NUMBERS}
         drawn = {n: DRAWN_IN.get(of, (1.0, of))[1] for n, of in own.items() if of != "1"}
         return drawn | self.written
+
+    def _summary(self) -> Summary:
+        known, given = self.numbers, len(self.given)
+        named = {**self.given, **self.values}  # what was given stands first
+        rows = []
+        for name, value in named.items():
+            curve = f"a curve of {len(value)} points" if np.ndim(value) else ""
+            text = curve or said(
+                name, value if isinstance(value, str) else float(value), self.units
+            )
+            rows.append(Row(name, text, known[name].meaning if name in known else ""))
+        title = f"Machine, a {type(self.structure).__name__}: {given} numbers and choices given"
+        return Summary(f"{title}, {len(named) - given} by default", rows)
+
+    def _picture(self) -> str:
+        return self.scene()._picture()
 
     def scene(self, **values: Any) -> Scene:
         """Return the scene of these numbers and choices, and of the machine's own for the others.

@@ -237,7 +237,7 @@ def size_of(unit: str) -> float | None:
 
 def per(what: str, unit: str) -> str:
     """The unit of a slope."""
-    if not unit:
+    if unit in ("", "1"):
         return what
     return f"{what}/({unit})" if "/" in unit or " " in unit else f"{what}/{unit}"
 

@@ -12,7 +12,8 @@ from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.checks import nan_unless, primal, require, require_kind, require_own_process
 from jaxcrusher.basics.loops import one_by_one
-from jaxcrusher.basics.record import Printed
+from jaxcrusher.files import svg
+from jaxcrusher.files.told import Row, Summary, Told, said
 from jaxcrusher.mechanism.acting import Multiplied, RoughFeed
 from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.scene import Scene
@@ -35,7 +36,7 @@ STEEPEST = 30.0
 BISECTIONS, RANGE = 50, math.log(30.0)
 
 
-class FeedResponse(Printed):
+class FeedResponse(Told, eqx.Module):
     """An orbit under a rough feed: standard deviations by angle, and how often contact is lost.
 
     Linear in the scatter, but for `expected_rms`. NaN where the orbit is not stable or loses
@@ -54,6 +55,23 @@ class FeedResponse(Printed):
     def chance(self) -> Scalar:
         """Return the chance that a turn loses contact, as if losses came independently."""
         return -jnp.expm1(-self.losses)
+
+    def _summary(self) -> Summary:
+        known = bool(np.all(np.isfinite(self.rms)))
+        none = "FAILED: the orbit is not stable, or loses contact under the mean load"
+        return Summary(
+            f"FeedResponse: {'what a rough feed adds to an orbit' if known else none}",
+            [
+                Row("rms", said(self.rms, "N"), "standard deviation of the RMS of a period"),
+                Row("expected_rms", said(self.expected_rms, "N"), "RMS over very many turns"),
+                Row("force", said(self.force, "N"), "standard deviation of the force by angle"),
+                Row("losses", said(self.losses, "a turn"), "times that contact is lost"),
+                Row("losing_scatter", said(self.losing_scatter, "1"), "loses it in 1000 turns"),
+            ],
+        )
+
+    def _picture(self) -> str:
+        return svg.curve(self.angle, self.force, "standard deviation of the force by angle")
 
 
 def feed_response(orbit: PeriodicOrbit) -> FeedResponse:

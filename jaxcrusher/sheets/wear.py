@@ -22,7 +22,8 @@ import numpy as np
 from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.checks import require, require_positive, require_whole
-from jaxcrusher.basics.record import Printed
+from jaxcrusher.files import svg
+from jaxcrusher.files.told import Summary, Told
 from jaxcrusher.mechanism.observables import HOUR
 from jaxcrusher.mechanism.quantities import sliding_power
 from jaxcrusher.mechanism.reductions import SAMPLES
@@ -50,7 +51,7 @@ class Archard(NamedTuple):
         return self.coefficient * power / (np.pi * radius * self.width)
 
 
-class Wear(Printed):
+class Wear(Told, eqx.Module):
     """Depths worn off a joint a second, over sectors of its bore and its pin."""
 
     angle: Float[Array, " sectors"]  # of a sector's middle, from the x axis of its body, rad
@@ -70,6 +71,12 @@ class Wear(Printed):
             at = np.degrees(float(self.angle[int(jnp.argmax(depths))]))
             lines.append(f"{name}: {worst:.3g} mm in 1000 h at {at:.0f} deg, {mean:.3g} mm in mean")
         return "\n".join(lines)
+
+    def _summary(self) -> Summary:
+        return Summary("Wear of a joint, by sector", (), str(self).splitlines())
+
+    def _picture(self) -> str:
+        return svg.curve(self.angle, self.bore, "wear of the bore by angle")
 
 
 def _rubbed(s: Snapshot, scene: Scene, joint: str) -> Float[Array, "6"]:
