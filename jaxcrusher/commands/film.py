@@ -30,7 +30,7 @@ from jaxcrusher.scenes.units import said
 # Instants a turn of the force and of paths: impacts last some thousandths of a turn.
 INSTANTS = 4000
 # More pictures make a page that is larger than 10 MB.
-MOST = 240
+MOST = 160
 SPEED, DPI = 20, 140  # pictures a second; dots an inch
 RTOL = 1e-9  # of a run
 FILES = ("film.html", "film.gif", "film.mp4", "film.png")
@@ -101,7 +101,7 @@ def _orbit(scene: Scene, options: Options, console: Console) -> PeriodicOrbit | 
     return None
 
 
-def _times(scene: Scene, first: int, turns: int, frames: int) -> np.ndarray:
+def times_of(scene: Scene, first: int, turns: int, frames: int) -> np.ndarray:
     """Return instants, evenly from one of a picture to the next, and the end of the turns."""
     count = frames * -(-INSTANTS * turns // frames)
     return 2 * np.pi / float(scene.drive.speed) * (first + turns * np.arange(count + 1) / count)
@@ -114,7 +114,7 @@ def _outputs(scene: Scene, force: str) -> tuple[str, ...]:
 def _run(scene: Scene, options: Options, force: str) -> Motion:
     """Return a motion from the scene's start, after some turns."""
     first, turns = options.settle, options.turns
-    times = _times(scene, first, turns, options.frames)
+    times = times_of(scene, first, turns, options.frames)
     seen = jc.simulate(scene, times, outputs=_outputs(scene, force), rtol=RTOL)
     ideal = None
     if not scene.is_ideal:
@@ -126,7 +126,7 @@ def _run(scene: Scene, options: Options, force: str) -> Motion:
 def _along(orbit: PeriodicOrbit, options: Options, force: str) -> Motion:
     """Return the motion along a periodic orbit."""
     scene = orbit.scene
-    times = _times(scene, 0, orbit.period, options.frames)
+    times = times_of(scene, 0, orbit.period, options.frames)
     angles = float(scene.drive.speed) * times
     seen = orbit.motion(angles, _outputs(scene, force))
     ideal = None

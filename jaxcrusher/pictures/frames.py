@@ -18,7 +18,8 @@ from jaxcrusher.files.durable import writing
 
 SUFFIXES = (".gif", ".html", ".mp4")
 PAGE = Path(__file__).with_name("film.html")
-COLOURS = 128  # of a picture: drawings have few, and each further one makes files larger
+COLOURS = 64  # of a picture: drawings have few, and each further one makes files larger
+COVERING = Image.Quantize.MAXCOVERAGE  # which keeps white white
 
 
 def require_film(path: Path, frames_per_second: int) -> None:
@@ -48,7 +49,7 @@ def pictures_of(
         canvas.draw()
         picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
         # The colours of the first picture serve all: artists move, and keep theirs.
-        palette = picture.quantize(COLOURS) if palette is None else palette
+        palette = picture.quantize(COLOURS, COVERING) if palette is None else palette
         kept = io.BytesIO()
         picture.quantize(palette=palette, dither=Image.Dither.NONE).save(kept, "png")
         yield kept.getvalue()

@@ -184,7 +184,7 @@ def test_clearance_is_magnified():
     (inset,) = ax.child_axes
     bore, _, pin = inset.patches
     times = float(inset.get_title().split()[-1])
-    assert times == 500  # a gap of at most 0.35 of the radius by 1, 2 or 5 times a power of ten
+    assert times == 1000  # a gap of at most 0.5 of the radius by 1, 2 or 5 times a power of ten
     # Drawn with the bore's radius as the unit.
     magnified = times * np.asarray(motion.eccentricity[0]) / 0.13
     np.testing.assert_allclose(pin.center, magnified, rtol=1e-12)
