@@ -18,8 +18,9 @@ from jaxcrusher.files.durable import writing
 
 SUFFIXES = (".gif", ".html", ".mp4")
 PAGE = Path(__file__).with_name("film.html")
-COLOURS = 64  # of a picture: drawings have few, and each further one makes files larger
-COVERING = Image.Quantize.MAXCOVERAGE  # which keeps white white
+# Colours of a film: drawings have few, and each further one makes files larger. They are those of
+# some of its pictures.
+COLOURS, SOME = 64, 8
 
 
 def require_film(path: Path, frames_per_second: int) -> None:
@@ -43,14 +44,17 @@ def pictures_of(
     # Laid out once: the pictures must not wobble.
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    palette = None
-    for instant in instants:
+
+    def drawn(instant: int) -> np.ndarray:
         show(instant)
         canvas.draw()
-        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-        # The colours of the first picture serve all: artists move, and keep theirs.
-        palette = picture.quantize(COLOURS, COVERING) if palette is None else palette
-        kept = io.BytesIO()
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy()
+
+    # One palette for all, from some of them: an arrow or a dot is not in every picture.
+    some = np.concatenate([drawn(i) for i in instants[:: max(1, len(instants) // SOME)]])
+    palette = Image.fromarray(some).quantize(COLOURS, Image.Quantize.FASTOCTREE)
+    for instant in instants:
+        picture, kept = Image.fromarray(drawn(instant)), io.BytesIO()
         picture.quantize(palette=palette, dither=Image.Dither.NONE).save(kept, "png")
         yield kept.getvalue()
 

@@ -211,7 +211,8 @@ def test_film_has_a_picture_for_every_time(tmp_path):
             shown.append(np.asarray(film.convert("L"), dtype=float))
     assert np.abs(shown[1] - shown[0]).max() > 50 < np.abs(shown[2] - shown[1]).max()
     animate(scene, turn, tmp_path / "turn.html", instants=few, dpi=30)
-    assert (tmp_path / "turn.html").read_text().count("data:image/png;base64") == 3
+    # Each picture of the player is a line.
+    assert (tmp_path / "turn.html").read_text().count('\n    "') == 3
     assert sorted(path.name for path in tmp_path.iterdir()) == ["turn.gif", "turn.html"]
     assert not plt.get_fignums()
 
