@@ -52,16 +52,27 @@ class Film:
         mechanism = self.figure.add_subplot(grid[:, 0])
         beside = {name: self.figure.add_subplot(grid[i, 1]) for i, name in enumerate(joints)}
         self.drawing = Drawing(scene, motion, mechanism, instants, beside)
-        # Without the room that a crusher has for insets.
-        low, high = mechanism.get_xlim()
-        left = min(corners[..., 0].min() for _, corners in self.drawing.parts)
-        mechanism.set_xlim(max(low, left - 0.2 * (high - left)), high)
+        self._limits(mechanism, list(instants))
         mechanism.locator_params(nbins=4)
         if mechanism.get_legend() is not None:
             # Below the axis, where there is room.
             place = {"loc": "upper center", "bbox_to_anchor": (0.5, 0), "borderaxespad": 4.5}
             mechanism.legend(**place, ncols=2, frameon=False)
         self._force(self.figure.add_subplot(grid[:, -1]), scene, force, ideal)
+
+    def _limits(self, ax: Axes, instants: list[int]) -> None:
+        """Leave out the room that a crusher has for insets, and let no arrow end outside."""
+        low, high = ax.get_xlim()
+        left = min(corners[..., 0].min() for _, corners in self.drawing.parts)
+        ax.set_xlim(max(low, left - 0.2 * (high - left)), high)
+        margin = 0.05 * (high - left)
+        for _, _, end, places, forces in self.drawing.arrows.values():
+            away = self.drawing.metres * forces[instants] * (-1 if end == "tip" else 1)
+            x, y = (places[instants] + away).T
+            least, most = ax.get_xlim()
+            ax.set_xlim(min(least, np.min(x) - margin), max(most, np.max(x) + margin))
+            least, most = ax.get_ylim()
+            ax.set_ylim(min(least, np.min(y) - margin), max(most, np.max(y) + margin))
 
     def _force(self, ax: Axes, scene: Scene, force: str, ideal: ArrayLike | None) -> None:
         ax.plot(self.angle, self.size, color=BLUE, linewidth=1, label="with clearance")
