@@ -30,7 +30,7 @@ from jaxcrusher.scenes.units import said
 # Instants a turn of the force and of paths: impacts last some thousandths of a turn.
 INSTANTS = 4000
 # More pictures make a page that is larger than 10 MB.
-MOST = 160
+MOST = 150
 SPEED, DPI = 20, 140  # pictures a second; dots an inch
 RTOL = 1e-9  # of a run
 FILES = ("film.html", "film.gif", "film.mp4", "film.png")

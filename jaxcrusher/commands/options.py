@@ -225,7 +225,7 @@ class Film:
     turns: int = 2
     """Turns of a run that are filmed."""
     frames: int = 120
-    """Pictures of the film, 20 a second, at most 160."""
+    """Pictures of the film, 20 a second, at most 150."""
     results: Results = field(default_factory=lambda: Results("film"))
 
 
