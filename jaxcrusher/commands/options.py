@@ -204,6 +204,32 @@ class Orbit:
 
 
 @dataclass(frozen=True)
+class Film:
+    """A film of a machine: mechanism, loose pins in their bores magnified, force over the turn.
+
+    Writes OUT/NAME/film.html (a page that plays without a network), film.gif, film.mp4 where ffmpeg
+    is installed, and film.png (the instant of the largest force). About a minute, most of it
+    compilation and drawing.
+    """
+
+    crusher: Crusher = field(default_factory=Crusher)
+    motion: Literal["orbit", "run"] = "orbit"
+    """What is filmed: the periodic orbit, or a run. Where there is no orbit, it is a run, as the
+    title says."""
+    period: int = 1
+    """Turns after which the orbit repeats."""
+    effort: Literal["quick", "usual", "thorough"] = "usual"
+    """How far the orbit is searched for: thorough waits as long as it takes."""
+    settle: int = 20
+    """Turns of the shaft before those of a run that are filmed."""
+    turns: int = 2
+    """Turns of a run that are filmed."""
+    frames: int = 120
+    """Pictures of the film, 20 a second, at most 150."""
+    results: Results = field(default_factory=lambda: Results("film"))
+
+
+@dataclass(frozen=True)
 class Foundation:
     """The load sheet of a crusher for whoever lays out its foundation.
 
@@ -339,6 +365,7 @@ Command = (
     | Regimes
     | Gradient
     | Orbit
+    | Film
     | Foundation
     | Balance
     | Bearing

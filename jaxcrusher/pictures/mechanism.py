@@ -4,7 +4,7 @@ A crusher has outlines for the eye, and beside it the magnified clearances of A,
 """
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +14,10 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Array, Float, Scalar
-from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, HTMLWriter, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
-from jaxcrusher.basics.checks import require, require_choice, require_whole
+from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import Arm
 from jaxcrusher.crusher.outline import (
     BLUE,
@@ -28,21 +27,20 @@ from jaxcrusher.crusher.outline import (
     PIN,
     PURPLE,
     Dot,
-    Inset,
     Outline,
     Shape,
 )
 from jaxcrusher.crusher.outline import DRAWN as DRAWN
-from jaxcrusher.files.durable import writing
 from jaxcrusher.mechanism.linkage import Linkage, Point
 from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.motion.simulation import Trajectory
+from jaxcrusher.pictures.frames import pictures_of, require_film, write_film
 
 # The longest arrow and half of a slider's length in spans of a linkage, and the widest magnified
 # gap in radii of the bore.
-LONGEST, HALF, WIDEST_GAP = 0.3, 0.04, 0.35
+LONGEST, HALF, WIDEST_GAP = 0.3, 0.04, 0.5
 COLOURS = (BLUE, GREEN, PURPLE, "0.3", "tab:brown", "tab:olive")
 # How arrows are drawn, in the axes' own units, and what stands beside one.
 ARROW: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "minlength": 0, "zorder": 5}
@@ -50,7 +48,7 @@ OUTLINED = {**ARROW, "width": 0.007, "edgecolor": "w", "linewidth": 0.5}
 _BOX = {"boxstyle": "round,pad=0.1", "facecolor": "w", "edgecolor": "none", "alpha": 0.8}
 SYMBOL: dict[str, Any] = {"fontsize": 12, "fontweight": "bold", "zorder": 6, "bbox": _BOX}
 SYMBOL |= {"textcoords": "offset points", "xytext": (0, 0), "ha": "center", "va": "center"}
-SUFFIXES = (".gif", ".html", ".mp4")  # of films
+EDGES = (-1.35, 1.35)  # of what is magnified, in radii of the bore
 _HATCHED: dict[str, Any] = {"facecolor": "w", "edgecolor": "k", "hatch": "////"}
 
 
@@ -89,49 +87,51 @@ def animate(
 ) -> None:
     """Write a film of the mechanism, a picture for each of `instants` (None: all times, by index).
 
-    The suffix of `path` chooses: `.gif`; `.html`, one page with a player (the icons on its buttons
-    come from the network); or `.mp4`, which needs ffmpeg. What is drawn: see
-    `plot_mechanism`; one scale of the arrows holds for all pictures.
+    The suffix of `path` chooses: `.gif`; `.html`, one page with a player, which plays without a
+    network; or `.mp4`, which needs ffmpeg. What is drawn: see `plot_mechanism`; one scale of the
+    arrows holds for all pictures.
     The times shown should be equally spaced.
 
     Raises ValueError for another suffix, for .mp4 without ffmpeg, and as `plot_mechanism` does.
     """
     path = Path(path)
-    require_whole("frames_per_second", frames_per_second, 1)
-    writer = _writer(path.suffix, frames_per_second)
+    require_film(path, frames_per_second)
     fig, ax = plt.subplots(figsize=(8, 6.4), layout="constrained")
     try:
         shown = range(len(trajectory.time)) if instants is None else instants
         drawing = Drawing(scene, trajectory, ax, shown)
-        drawing.show(shown[0])
-        # Laid out once: the pictures must not wobble.
-        fig.draw_without_rendering()
-        fig.set_layout_engine("none")
-        # Not FuncAnimation, which draws every picture three times.
-        with writing(path) as partial, writer.saving(fig, str(partial), dpi):
-            for instant in shown:
-                drawing.show(instant)
-                writer.grab_frame()
+        pictures = [*pictures_of(fig, drawing.show, shown, dpi)]
     finally:
         plt.close(fig)
+    write_film(path, pictures, frames_per_second, path.stem)
 
 
-def _writer(suffix: str, frames_per_second: int) -> AbstractMovieWriter:
-    require_choice("path", suffix, SUFFIXES)
-    if suffix == ".gif":
-        return PillowWriter(fps=frames_per_second)
-    if suffix == ".html":
-        # Without a limit: matplotlib drops the pictures beyond it with no more than a log line.
-        return HTMLWriter(fps=frames_per_second, embed_frames=True, embed_limit=float("inf"))
-    there = FFMpegWriter.isAvailable()
-    require(there, "path", "end in .gif or .html where ffmpeg is not installed", suffix)
-    return FFMpegWriter(fps=frames_per_second)
+def drawn_of(scene: Scene) -> tuple[str, ...]:
+    """Return what a trajectory must hold to be drawn with all clearances magnified."""
+    look = _look(scene)
+    names = [] if look is None else list(look.needed)
+    for joint in scene.joints.names:
+        names += [f"{scene.prefix(joint)}eccentricity"]
+        names += [_pressing(look, joint)[0]] if joint in scene.bearings else []
+    return tuple(dict.fromkeys(names))
+
+
+def _look(scene: Scene) -> Outline | None:
+    """Return the outline that a mechanism has for the eye; None for any linkage."""
+    return None if scene.template.outline is None else scene.template.outline(scene)
+
+
+def _pressing(look: Outline | None, joint: str) -> tuple[str, int]:
+    """Return the name of the force on the bore of a joint, and its sign."""
+    usual = f"{joint}_reaction", 1
+    return usual if look is None or joint not in look.insets else look.insets[joint][:2]
 
 
 class Drawing:
     """The artists of a mechanism, made once and moved from instant to instant.
 
     The largest force at `instants`, those that will be shown, sets the scale of the arrows.
+    `magnified` has axes for magnified clearances, by their joints; without it a crusher has insets.
     """
 
     def __init__(
@@ -140,15 +140,19 @@ class Drawing:
         trajectory: Trajectory,
         ax: Axes,
         instants: Iterable[int],
+        magnified: Mapping[str, Axes] | None = None,
     ):
         self.ax, self.time, shown = ax, np.asarray(trajectory.time), list(instants)
-        count, outline = len(self.time), scene.template.outline
-        look = None if outline is None else outline(scene)
-        insets = {} if look is None else look.insets
-        magnified = [joint for joint in insets if joint in scene.bearings]
+        count, look = len(self.time), _look(scene)
+        outlined = look is not None
+        if magnified is None:
+            insets = {} if look is None else look.insets
+            own = {joint: how for joint, how in insets.items() if joint in scene.bearings}
+            magnified = {joint: ax.inset_axes(place) for joint, (*_, place) in own.items()}
         needed = [] if look is None else list(look.needed)
         for joint in magnified:
-            needed += [scene.prefix(joint) + "eccentricity", insets[joint][0]]
+            needed.append(f"{scene.prefix(joint)}eccentricity")
+            needed += [_pressing(look, joint)[0]] if joint in scene.bearings else []
         for name in needed:
             require(name in trajectory.values, "trajectory", f"hold '{name}'", "without it")
         good = len(shown) > 0 and all(-count <= i < count for i in shown)
@@ -181,14 +185,20 @@ class Drawing:
         if look.forces:
             unit = _round_down(0.6 * largest)
             ax.quiverkey(arrow, 0.14, 0.05, unit, f"{unit / 1e3:g} kN", labelpos="E", color="k")
-        self.insets = [
-            _Magnified(ax, scene, joint, look.insets[joint], largest, places) for joint in magnified
-        ]
+        self.clearances: dict[str, _Pin | _Slider] = {}
+        for joint, place in magnified.items():
+            play = places[f"{scene.prefix(joint)}eccentricity"]
+            if joint in scene.bearings:
+                name, sign = _pressing(look, joint)
+                force = sign * places[name]
+                self.clearances[joint] = _Pin(place, scene, joint, play, force, largest)
+            else:
+                self.clearances[joint] = _Slider(place, scene, joint, play)
         if look.fixed_jaw is not None:
             self._fixed_jaw(*look.fixed_jaw)
         x, y = look.limits
         ax.set(xlim=x, ylim=y, aspect="equal", xlabel="x (m)", ylabel="y (m)")
-        if outline is None:
+        if not outlined:
             ax.legend(loc="center left", bbox_to_anchor=(1, 0.5), frameon=False)
 
     def _frame(self, linkage: Linkage, look: Outline) -> None:
@@ -235,8 +245,8 @@ class Drawing:
                 away = -force if end == "tip" else force
                 label.xy = tuple(at + self.metres * away)
                 label.set_position(12 * away / length)
-        for inset in self.insets:
-            inset.show(instant)
+        for clearance in self.clearances.values():
+            clearance.show(instant)
         self.ax.set_title(f"t = {1e3 * self.time[instant]:.2f} ms")
 
 
@@ -303,7 +313,13 @@ def _linkage(scene: Scene, angles: Float[Array, " n"], trajectory: Trajectory) -
     return Outline(parts, dots, forces, LONGEST * span, 0.03 * span, limits)
 
 
-class _Magnified:
+def _title(ax: Axes, scene: Scene, joint: str, clearance: float, times: float) -> None:
+    ax.set(aspect="equal", xticks=[], yticks=[], facecolor=JAW)
+    name = scene.template.joint(joint).title
+    ax.set_title(f"{name}: {1e3 * clearance:g} mm, times {times:g}", fontsize=9)
+
+
+class _Pin:
     """The pin of a joint in its bore, the clearance, which is named, as wide as can be seen."""
 
     def __init__(
@@ -311,30 +327,26 @@ class _Magnified:
         ax: Axes,
         scene: Scene,
         joint: str,
-        how: Inset,
+        eccentricity: np.ndarray,
+        forces: np.ndarray,
         largest: float,
-        seen: dict[str, np.ndarray],
     ):
-        bearing, (force, sign, place) = scene.bearings.at(joint), how
+        bearing = scene.bearings.at(joint)
         radius, clearance = float(bearing.bore_radius), float(bearing.clearance)
         times = _round_down(WIDEST_GAP * radius / clearance)
-        gap = times / radius * clearance
-        self.centres = times / radius * seen[scene.prefix(joint) + "eccentricity"]
-        self.forces = sign * seen[force]
-        inset = ax.inset_axes(place)
-        limits = (-1.35, 1.35)
-        inset.set(xlim=limits, ylim=limits, aspect="equal", xticks=[], yticks=[], facecolor=JAW)
-        inset.set_title(
-            f"{scene.template.joint(joint).title}: {1e3 * clearance:g} mm, times {times:g}",
-            fontsize=9,
-        )
-        inset.add_patch(Circle((0, 0), 1, facecolor="w", edgecolor="k", linewidth=1.5))
-        inset.add_patch(Circle((0, 0), gap, fill=False, edgecolor="0.4", linestyle="--"))
-        pin = Circle((0, 0), 1 - gap, facecolor=PIN, edgecolor="k", linewidth=1.5, alpha=0.8)
-        self.pin = inset.add_patch(pin)
-        inset.plot(0, 0, "+", color="k", markersize=9)
-        (self.centre,) = inset.plot([], [], "o", color="k", markersize=4)
-        self.force = inset.quiver(
+        self.gap, self.centres = times / radius * clearance, times / radius * eccentricity
+        self.forces = forces
+        ax.set(xlim=EDGES, ylim=EDGES)
+        _title(ax, scene, joint, clearance, times)
+        ax.add_patch(Circle((0, 0), 1, facecolor="w", edgecolor="k", linewidth=1.5))
+        ax.add_patch(Circle((0, 0), self.gap, fill=False, edgecolor="0.4", linestyle="--"))
+        pin = Circle((0, 0), 1 - self.gap, facecolor=PIN, edgecolor="k", linewidth=1.5, alpha=0.8)
+        self.pin = ax.add_patch(pin)
+        ax.plot(0, 0, "+", color="k", markersize=9)
+        (self.path,) = ax.plot([], [], color=BLUE, linewidth=0.9)
+        (self.centre,) = ax.plot([], [], "o", color="k", markersize=4)
+        (self.contact,) = ax.plot([], [], "o", color=ORANGE, markeredgecolor="k", zorder=6)
+        self.force = ax.quiver(
             0, 0, 0, 0, scale=largest / 0.7, pivot="tip", color=ORANGE, width=0.02, **ARROW
         )
 
@@ -342,10 +354,46 @@ class _Magnified:
         centre = self.centres[instant]
         self.pin.set(center=centre)
         self.centre.set_data(*centre[:, None])
+        self.path.set_data(*self.centres[: instant + 1].T)
         # At the bore's surface, where the pin presses.
         away = np.linalg.norm(centre)
-        self.force.set_offsets(centre / away if away > 0 else centre)
+        at = centre / away if away > 0 else centre
+        self.contact.set_data(*at[:, None])
+        self.contact.set_visible(bool(away > self.gap))
+        self.force.set_offsets(at)
         self.force.set_UVC(*self.forces[instant])
+
+
+class _Slider:
+    """A slider between its edges, the gap magnified across the slide; its motion ahead is not seen.
+
+    Lengths are in half lengths of the slider.
+    """
+
+    def __init__(self, ax: Axes, scene: Scene, joint: str, play: np.ndarray):
+        slide, clearance = scene.linkage.slides.at(joint), float(scene.joints.at(joint).clearance)
+        assert slide.length is not None and slide.height is not None
+        half = float(slide.length) / 2
+        times = _round_down(WIDEST_GAP * half / clearance)
+        gap = times / half * clearance
+        # A square, as high as it is long: the height decides nothing here.
+        self.corners = np.array([(i, 0.6 * j) for i, j in ((1, 1), (-1, 1), (-1, -1), (1, -1))])
+        ahead, side = self.corners.T
+        offsets = times / half * (play[:, :1] + play[:, 1:] * ahead)
+        self.places = np.stack([ahead + 0 * offsets, side + offsets], axis=-1)
+        self.touching = np.sign(side) * offsets > gap
+        ax.set(xlim=EDGES, ylim=EDGES)
+        _title(ax, scene, joint, clearance, times)
+        edge = 0.6 + gap
+        ax.axhspan(-edge, edge, facecolor="w", edgecolor="k", linewidth=1.5)
+        style = {"facecolor": PIN, "edgecolor": "k", "linewidth": 1.5, "alpha": 0.8}
+        self.block = ax.add_patch(Polygon(self.corners, **style))
+        (self.contact,) = ax.plot([], [], "o", color=ORANGE, markeredgecolor="k", zorder=6)
+
+    def show(self, instant: int) -> None:
+        corners = self.places[instant]
+        self.block.set(xy=corners)
+        self.contact.set_data(*corners[self.touching[instant]].T)
 
 
 def _round_down(value: float) -> float:

@@ -16,13 +16,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import xarray as xr
+from PIL import Image
 from scipy.integrate import cumulative_trapezoid
 from scipy.io import loadmat
 
 import jaxcrusher as jc
 from jaxcrusher import __main__
 from jaxcrusher.batch.sweep import Ensemble
-from jaxcrusher.commands import gradient, orbit, regimes, simulate, sweep
+from jaxcrusher.commands import film, gradient, orbit, regimes, simulate, sweep
 from jaxcrusher.commands.options import Crusher, Simulate
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.dynamics.regime import Regime
@@ -33,6 +34,7 @@ from jaxcrusher.files.text import number
 from jaxcrusher.motion.indicators import Lyapunov
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
+from jaxcrusher.orbits.result import RESULTS, missing
 from jaxcrusher.scenes.parameters import complete
 from jaxcrusher.scenes.reader import read_machine
 from jaxcrusher.scenes.units import said
@@ -452,6 +454,11 @@ def test_a_gradient_is_by_the_speed_and_all_clearances(machine, names, tmp_path,
         ("regimes --rtol 2", "`rtol` must be one number < 1"),
         ("gradient --rtol 2", "`rtol` must be one number < 1"),
         ("orbit --period 0", "`period` must be a whole number >= 1"),
+        ("film --period 0", "`period` must be a whole number >= 1"),
+        ("film --motion run --turns 0", "`turns` must be a whole number >= 1, but is 0"),
+        ("film --settle -1", "`settle` must be a whole number >= 0, but is -1"),
+        ("film --frames 1", "`frames` must be a whole number >= 2, but is 1"),
+        ("film --frames 151", "`frames` must be at most 150, so that the page stays under 10 MB"),
         ("sweep", "`over` must be given at least once"),
         ("sweep --over --over speed 25 40rad/s 2", "`over` must be NAME LOW HIGH COUNT, or"),
         ("sweep --over speed 25 40", "`over` must be speed LOW HIGH COUNT, but is speed 25 40"),
@@ -637,7 +644,17 @@ def is_package(module: str) -> bool:
 
 @pytest.mark.parametrize(
     "command",
-    ["simulate", "sweep", "regimes", "gradient", "foundation", "balance", "bearing", "identify"],
+    [
+        "simulate",
+        "sweep",
+        "regimes",
+        "gradient",
+        "film",
+        "foundation",
+        "balance",
+        "bearing",
+        "identify",
+    ],
 )
 def test_help_explains_every_option(command, capsys):
     with pytest.raises(SystemExit) as stop:
@@ -764,6 +781,52 @@ def test_slopes_of_an_orbit_are_shown_where_a_force_feels_them(tmp_path):
 def test_an_orbit_of_a_rough_feed_is_told_to_be_under_the_mean_load(scatter):
     found = jc.periodic_orbit(jc.build_scene({"joint": "ideal", "load_scatter": scatter}))
     assert (orbit.ROUGH in orbit.summary(found)) == (scatter > 0)
+
+
+FILMED = ("film", "--set", "joint", "ideal", "--frames", "3")
+
+
+def test_film_writes_a_film_of_the_orbit(tmp_path, monkeypatch):
+    monkeypatch.setattr(film.FFMpegWriter, "isAvailable", lambda: False)
+    status, text = run(*FILMED, "--out", tmp_path)
+    assert status == 0 and text.count(film.NO_FFMPEG) == 1
+    folder = tmp_path / "film"
+    names = {"film.html", "film.gif", "film.png"}
+    assert {path.name for path in folder.iterdir()} == {*names, "settings.json"}
+    page = (folder / "film.html").read_text()
+    assert "<title>PE250x400, 30 rad/s (286.5 rpm): periodic orbit</title>" in page
+    with Image.open(folder / "film.gif") as written:
+        assert written.n_frames == 3 and written.info["duration"] == 50
+
+
+def test_a_film_of_a_run_does_not_pass_for_one_of_an_orbit(tmp_path, monkeypatch):
+    """Where there is no orbit the command says so, and the title names the turns of the run."""
+
+    def none(scene, **_):
+        return missing(scene, 1, RESULTS.chaotic)
+
+    monkeypatch.setattr(film.jc, "periodic_orbit", none)
+    status, text = run(*FILMED, "--settle", 1, "--turns", 2, "--out", tmp_path)
+    told = "no periodic orbit, so the film is of a run: The motion from rest is chaotic"
+    assert status == 0 and text.count(told) == 1
+    page = (tmp_path / "film" / "film.html").read_text()
+    assert ": run, turns 1 to 3</title>" in page and "orbit" not in page
+
+
+def test_pictures_of_a_film_are_instants_evenly_over_its_turns():
+    scene = jc.ideal_scene(30.0)
+    times = film.times_of(scene, 20, 2, 7)
+    steps = 30 * times / (2 * np.pi)
+    assert (len(times) - 1) % 7 == 0 and len(times) > 2 * film.INSTANTS
+    np.testing.assert_allclose(steps[[0, -1]], [20, 22], rtol=1e-14)
+    # Rounding of sums of twenty turns, over steps of 1/4000.
+    np.testing.assert_allclose(np.diff(steps), 2 / (len(times) - 1), rtol=1e-9)
+
+
+def test_a_film_shows_what_supports_carry():
+    assert film.shown_force(jc.build_scene({"joint": "ideal"})) == "foundation_force"
+    values = {"joint": "ideal", "foundation.mass": 6e3}
+    assert film.shown_force(jc.build_scene(values)) == "transmitted_force"
 
 
 @pytest.mark.slow
