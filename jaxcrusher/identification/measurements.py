@@ -15,8 +15,7 @@ A vector has a direction behind its name: `x` to the right, `y` up, or an angle 
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from numbers import Integral
 from pathlib import Path
@@ -122,28 +121,25 @@ def read_measured(
     require(once, str(path), must, f"with {', '.join(rows[0])}")
     found, series = [], []
     for line, row in enumerate(rows[1:], 2):
-        with _at(f"{path}, line {line}"):
-            require(len(row) in (0, len(names)), "row", f"have {len(names)} cells", len(row))
+        must = f"have {len(names)} cells, one of each column"
+        require(len(row) in (0, len(names)), f"{path}, line {line}", must, f"with {len(row)}")
+        try:
             if is_series and row:
                 cells = zip(rows[0], row, header, strict=True)
                 series.append([size * _number(name, cell) for name, cell, (_, size) in cells])
             elif row:
                 with renamed(**dict(zip(names, rows[0], strict=True))):
                     found.append(_of_row(dict(zip(names, row, strict=True)), dict(header), unit_of))
+        except ValueError as error:
+            said = str(error).replace("Argument", "column", 1)
+            raise ValueError(f"{path}, line {line}: {said}") from None
     if is_series:
         columns = np.array(series).reshape(-1, len(names)).T
-        with _at(str(path)):
+        try:
             return of_series(dict(zip(names, columns, strict=True)), unit_of, orders, phase_of)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
     return found
-
-
-@contextmanager
-def _at(place: str) -> Iterator[None]:
-    """Let errors inside begin with a place in a file, and call arguments columns."""
-    try:
-        yield
-    except ValueError as error:
-        raise ValueError(f"{place}: {str(error).replace('Argument', 'column', 1)}") from None
 
 
 def _number(column: str, cell: str) -> float:

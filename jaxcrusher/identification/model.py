@@ -59,7 +59,6 @@ class Seen(NamedTuple):
         """Return one number, complex where it is a harmonic."""
         if order == WHOLE:
             return self.statistics[quantity]
-        require_known(quantity, self.spectra)
         return self.spectra[quantity][-1 if order == RMS else order]
 
 
