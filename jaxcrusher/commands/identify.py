@@ -61,8 +61,9 @@ def run(options: Identify, console: Console) -> int:
             further = found.further(noise=options.noise)
         for one in further[:FURTHER]:
             called, unit = quantities.called(one.quantity), quantities.unit(one.quantity)
+            order = f"order {one.order}" if one.order else "mean"
             console.print(
-                f"Tells {one.gain:.1f} bits more: {called} ({one.quantity}), order {one.order}, at "
+                f"Tells {one.gain:.1f} bits more: {called} ({one.quantity}), {order}, at "
                 f"{one.speed * 30 / np.pi:.4g} rpm, known to {one.sigma:.2g} {unit}"
             )
     write_json(

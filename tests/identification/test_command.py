@@ -115,7 +115,9 @@ def test_the_example_to_copy_finds_the_numbers_that_it_was_made_of(tmp_path):
     assert kept["untold"] == [] and kept["degrees_of_freedom"] == 27 - 4
     # What is printed is in the words of a plant, with the name that the CSV takes.
     told = [line for line in text.splitlines() if line.startswith("Tells ")]
-    assert len(told) == 3 and all(re.search(r": .* \(\w+\), order \d, at", one) for one in told)
+    assert len(told) == 3 and all(
+        re.search(r": .* \(\w+\), (mean|order \d), at", one) for one in told
+    )
     shown = read_machine(EXAMPLES / "on_mounts.toml").scene().measurable
     for one in kept["further"]:
         assert one["quantity"].removesuffix("_x").removesuffix("_y") in shown
