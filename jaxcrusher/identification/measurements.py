@@ -155,10 +155,10 @@ def _number(column: str, cell: str) -> float:
 def _of_row(row: Mapping[str, str], sizes: Mapping[str, float], unit_of: UnitOf) -> Measurement:
     """Return the measurement of a row of a table, whose columns have units of some sizes."""
     order = int(row["order"]) if row["order"].isdecimal() else row["order"]
-    given = [_number(name, row[name]) for name in ("speed", "amplitude", "sigma")]
+    speed, amplitude, sigma = (_number(name, row[name]) for name in ("speed", "amplitude", "sigma"))
     phase = _number("phase", row["phase"]) if row.get("phase") else math.nan
     # Its errors tell the numbers as they stand in the file.
-    one = Measurement(given[0], row["quantity"], order, *given[1:], phase)
+    one = Measurement(speed, row["quantity"], order, amplitude, sigma, phase)
     size = _size(row.get("unit", ""), unit_of(one.quantity, one.order))
     return replace(
         one,

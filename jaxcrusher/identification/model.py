@@ -133,7 +133,9 @@ def quantities_of(scene: Scene) -> Quantities:
     """Return what a scene shows."""
 
     def shapes(scene: Scene) -> dict[str, Array]:
-        snapshot = scene.formulation.snapshot(0.0, scene.formulation.initial(scene), scene)
+        snapshot = scene.formulation.snapshot(
+            jnp.zeros(()), scene.formulation.initial(scene), scene
+        )
         return {name: one(snapshot, scene) for name, one in scene.observables.items()}
 
     observables = {name: one.unit for name, one in scene.observables.items()}

@@ -79,8 +79,8 @@ def test_what_tells_most_can_be_measured(found):
     sensors = {"drive_torque", "drive_power", *caps, "ground_force", "ground_moment"}
     offered = [found.problem.quantities.observable(one.quantity) for one in found.further(orders=2)]
     assert sorted(offered) == sorted(sensors)
-    with pytest.raises(ValueError, match="`noise` must be a known name, but is 'exciting_momen'"):
-        found.further(noise={"exciting_momen": 1.0})
+    with pytest.raises(ValueError, match="`noise` must be a known name, but is 'ground_momen'"):
+        found.further(noise={"ground_momen": 1.0})
 
 
 @pytest.mark.parametrize("noise", [-0.01, np.nan, 0.0, {"ground_moment": -5.0}])
