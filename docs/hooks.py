@@ -23,7 +23,8 @@ _BAR = '<mo stretchy="false" lspace="0" rspace="0">|</mo>'
 
 def on_files(files, config):
     """Put the examples, which pages name by their place in the repository, into the site."""
-    for path in sorted((Path(config.config_file_path).parent / "examples").glob("*.toml")):
+    examples = Path(config.config_file_path).parent / "examples"
+    for path in sorted([*examples.glob("*.toml"), *examples.glob("*.csv")]):
         uri = f"examples/{path.name}"
         files.append(File.generated(config, uri, abs_src_path=str(path)))
     return files

@@ -32,8 +32,8 @@ from jaxcrusher.mechanism.supports import Clamped
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
 from jaxcrusher.orbits.solving import NODES
 from jaxcrusher.scenes.machine import Machine
-from jaxcrusher.scenes.reader import points_of, quantity_in, read_range
-from jaxcrusher.scenes.units import all_said
+from jaxcrusher.scenes.reader import read_range
+from jaxcrusher.scenes.units import all_said, points_of, quantity_in
 from jaxcrusher.sheets.load_sheet import (
     AMPLIFIED,
     MATTERS,

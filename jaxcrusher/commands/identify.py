@@ -44,7 +44,7 @@ def run(options: Identify, console: Console) -> int:
     twice = len(priors) < len(options.prior)
     require(not twice, "prior", "name each number once", "twice of one")
     quantities = quantities_of(machine.scene())
-    measured = taken(options.measured, quantities.unit, options.orders, quantities.phase)
+    measured = taken(options.measured, quantities.unit_of, options.orders, quantities.phase)
     settings = settings_of(
         "identify",
         machine,
@@ -60,9 +60,11 @@ def run(options: Identify, console: Console) -> int:
         with stages(console, "looking for what tells most"):
             further = found.further(noise=options.noise)
         for one in further[:FURTHER]:
+            called, unit = quantities.called(one.quantity), quantities.unit(one.quantity)
+            order = f"order {one.order}" if one.order else "mean"
             console.print(
-                f"Tells {one.gain:.1f} bits more: {one.quantity}, order {one.order}, at "
-                f"{one.speed:.4g} rad/s, known to {one.sigma:.2g} {quantities.unit(one.quantity)}"
+                f"Tells {one.gain:.1f} bits more: {called} ({one.quantity}), {order}, at "
+                f"{one.speed * 30 / np.pi:.4g} rpm, known to {one.sigma:.2g} {unit}"
             )
     write_json(
         folder / "identified.json",

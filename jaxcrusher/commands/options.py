@@ -343,7 +343,9 @@ class Identify:
     crusher: Crusher = field(default_factory=Crusher)
     measured: tuple[Path, ...] = ()
     """CSV files of harmonics and RMS values with the columns speed_rpm, quantity, order, amplitude,
-    phase_deg, sigma and unit, or of time series with time, angle_deg and quantities."""
+    phase_deg, sigma and unit, or of time series with time, angle_deg and quantities. A quantity is
+    one of the machine with its direction, as main_cap_acceleration_y; a point NAME of
+    [foundation.points] has NAME_velocity and NAME_acceleration. See examples/measured.csv."""
     free: tuple[str, ...] = ()
     """Keys of the scene file to be found; the search begins at their values."""
     prior: Priors = ()
@@ -355,7 +357,8 @@ class Identify:
     """Highest harmonic that is taken from a time series."""
     noise: float = 0.01
     """Standard deviation of a further measurement, as a share of the observable's RMS: what would
-    tell most is printed. 0 leaves that out, and half of the compilation."""
+    tell most, of all that sensors can show, is printed. 0 leaves that out, and half of the
+    compilation."""
     results: Results = field(default_factory=lambda: Results("identify"))
 
 

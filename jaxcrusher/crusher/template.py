@@ -12,8 +12,23 @@ from jaxcrusher.basics.smooth import norm
 from jaxcrusher.crusher.machine import JOINTS, LETTERS
 from jaxcrusher.crusher.outline import outline
 from jaxcrusher.joint.validity import Tautness
-from jaxcrusher.mechanism.observables import force_at, force_width, on_bore
-from jaxcrusher.mechanism.quantities import Asked, Parts, Template, Title, asked_of, position
+from jaxcrusher.mechanism.observables import (
+    cap_acceleration,
+    cap_velocity,
+    force_at,
+    force_width,
+    on_bore,
+)
+from jaxcrusher.mechanism.quantities import (
+    Asked,
+    Parts,
+    Template,
+    Title,
+    asked_of,
+    position,
+    require_new,
+    sensors_at,
+)
 from jaxcrusher.mechanism.reductions import LEAST, PEAK, PowerMean, Statistic
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Observable, OfPart, Snapshot
@@ -108,6 +123,11 @@ _USUAL = {
 }
 
 
+def _cap(joint: str) -> dict[str, Observable]:
+    called = f"the cap of the {_TITLES[joint].words}"
+    return sensors_at(f"{joint}_cap", joint, cap_velocity, cap_acceleration, called)
+
+
 def _own(parts: Parts) -> Asked:
     seen, usual, limits = dict(_SEEN), dict(_USUAL), {}
     # Within 20 % of a peak that lasts 5 % of a turn, and differentiable where the instant of the
@@ -118,12 +138,19 @@ def _own(parts: Parts) -> Asked:
         title, force = _TITLES[joint], OfPart(force_at, joint)
         meaning = f"largest force at {title.title}"
         further[f"{title.prefix}joint_peak"] = Statistic("N", meaning, force, PEAK)
+    # The housing of A is the jaw's; that of O moves with a frame on supports alone.
+    sensors = _cap("main") | (_cap("shaft_bearing") if parts.supports else {})
+    for point in parts.points:
+        more = sensors_at(point, point)
+        require_new(more, seen | sensors)
+        sensors |= more
+    seen |= sensors
     if parts.springs:
         seen["rod_tension"] = Observable(rod_tension, "N", "tension of the rod")
         meaning = "least tension of the rod; where it is negative the rod is slack"
         usual["rod_tension_least"] = Statistic("N", meaning, rod_margin, LEAST)
         limits["rod"] = Tautness, ("rod_tension_least",)
-    return Asked(seen, usual, further, limits)
+    return Asked(seen, usual, further, limits, tuple(sensors))
 
 
 CRUSHER = Template(

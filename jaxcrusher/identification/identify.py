@@ -13,11 +13,17 @@ from scipy.linalg import qr
 from scipy.optimize import least_squares
 from scipy.stats import chi2, qmc
 
-from jaxcrusher.basics.checks import require, require_positive, require_whole, require_within
+from jaxcrusher.basics.checks import (
+    require,
+    require_names,
+    require_positive,
+    require_whole,
+    require_within,
+)
 from jaxcrusher.basics.setup import cores, require_set_up
 from jaxcrusher.files import svg
 from jaxcrusher.files.told import Row, Summary, Told
-from jaxcrusher.identification.measurements import Measurement, taken
+from jaxcrusher.identification.measurements import WHOLE, Measurement, taken
 from jaxcrusher.identification.model import (
     Quantities,
     Seen,
@@ -191,8 +197,9 @@ class Identified(Told):
         """Return which further measurements would tell most, the best of each observable.
 
         They are harmonics with phases up to `orders`, at the speeds measured. `noise` is their
-        standard deviation: a share of the largest RMS of what moves of the observable, or SI units
-        by the observable's name, others left out. Gains count from what is known now, where each
+        standard deviation: a share of the largest RMS of what moves of the observable, of those
+        that sensors show (`Scene.measurable`) or that were measured; or SI units by the name of any
+        observable, others left out. Gains count from what is known now, where each
         number is known to its own size without any data. Raises ValueError for deviations that are
         not above zero.
         """
@@ -201,8 +208,11 @@ class Identified(Told):
         require_positive("noise", np.array(given), "")
         problem, size = self.problem, np.array([*self.problem.size.values()])
         u = np.array([*self.values.values()]) / size
-        known, observable = problem.quantities.observables, problem.quantities.observable
-        names = tuple(noise if isinstance(noise, Mapping) else known)
+        known, observable = problem.quantities, problem.quantities.observable
+        seen = {observable(one.quantity) for one in self.measured if one.order != WHOLE}
+        shown = (*known.measurable, *sorted(seen.difference(known.measurable)))
+        names = tuple(noise) if isinstance(noise, Mapping) else shown
+        require_names("noise", names, tuple(known.observables))
         found = problem.look(u, What(names, orders, ()))
         sigmas = dict(noise) if isinstance(noise, Mapping) else dict.fromkeys(names, 0.0)
         if not isinstance(noise, Mapping):
@@ -316,7 +326,7 @@ def identify(
     values = free if isinstance(free, Mapping) else {name: machine.number(name) for name in names}
     problem, begin = _problem(machine, values, priors or {}, nodes)
     known = problem.quantities
-    problem = replace(problem, measured=taken(measured, known.unit, orders, known.phase))
+    problem = replace(problem, measured=taken(measured, known.unit_of, orders, known.phase))
     shifts = 2 * qmc.LatinHypercube(len(begin), rng=seed).random(starts - 1) - 1
     low, high = problem.bounds[0] + EDGE, problem.bounds[1] - EDGE
     others = [np.where(low > 0, begin * 2**shift, begin + shift / 2) for shift in shifts]

@@ -4,29 +4,37 @@ A CSV file is a table, or a time series with the shaft's angle and other units t
 
 ```text
 speed_rpm, quantity, order, amplitude, phase_deg, sigma, unit
-286, frame_velocity_y, 1, 1.31, 84, 0.02, mm/s
-286, frame_velocity_y, rms, 0.95, , 0.02, mm/s
+286, corner_velocity_y, 1, 1.31, 84, 0.02, mm/s
+286, main_cap_acceleration_30deg, rms, 6.4, , 0.1, m/s2
 
-time, angle_deg, frame_velocity_y (mm/s)
+time, angle_deg, corner_velocity_y (mm/s)
 0.000, 12.1, 0.83
 ```
+
+A vector has a direction behind its name: `x` to the right, `y` up, or an angle from x to the left.
 """
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Integral
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from jaxcrusher.basics.checks import number_in, require, require_positive, require_whole
+from jaxcrusher.basics.checks import (
+    number_in,
+    renamed,
+    require,
+    require_positive,
+    require_whole,
+)
 from jaxcrusher.files.table import read_cells
 from jaxcrusher.scenes.units import quantity_in
 
-# Returns the SI unit of a quantity; ValueError for an unknown one.
-UnitOf = Callable[[str], str]
+# Returns the SI unit of a quantity of an order; ValueError for what a machine does not show.
+UnitOf = Callable[[str, int | str], str]
 # Returns the phase of angles of the shaft, which a drive at constant speed turns by the phase.
 PhaseOf = Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]]
 # Columns in other units -> their names here, and what one of them is in SI units.
@@ -94,7 +102,7 @@ def read_measured(
 ) -> list[Measurement]:
     """Return what a CSV file holds: a table, or the harmonics of a time series up to `orders`.
 
-    Raises ValueError, with the file and the line, for what is neither.
+    Raises ValueError, with the file, the line and the column, for what is neither.
     """
     try:
         rows = read_cells(path)
@@ -113,14 +121,18 @@ def read_measured(
     require(once, str(path), must, f"with {', '.join(rows[0])}")
     found, series = [], []
     for line, row in enumerate(rows[1:], 2):
+        must = f"have {len(names)} cells, one of each column"
+        require(len(row) in (0, len(names)), f"{path}, line {line}", must, f"with {len(row)}")
         try:
-            require(len(row) in (0, len(names)), "row", f"have {len(names)} cells", len(row))
             if is_series and row:
-                series.append([size * number_in(row[i]) for i, (_, size) in enumerate(header)])
+                cells = zip(rows[0], row, header, strict=True)
+                series.append([size * _number(name, cell) for name, cell, (_, size) in cells])
             elif row:
-                found.append(_of_row(dict(zip(names, row, strict=True)), dict(header), unit_of))
+                with renamed(**dict(zip(names, rows[0], strict=True))):
+                    found.append(_of_row(dict(zip(names, row, strict=True)), dict(header), unit_of))
         except ValueError as error:
-            raise ValueError(f"{path}, line {line}: {error}") from None
+            said = str(error).replace("Argument", "column", 1)
+            raise ValueError(f"{path}, line {line}: {said}") from None
     if is_series:
         columns = np.array(series).reshape(-1, len(names)).T
         try:
@@ -130,16 +142,30 @@ def read_measured(
     return found
 
 
+def _number(column: str, cell: str) -> float:
+    """Return the number of a cell; ValueError, with the column, for another text."""
+    try:
+        value = number_in(cell)
+    except ValueError:
+        value = math.nan
+    require(math.isfinite(value), column, "be a finite number", repr(cell))
+    return value
+
+
 def _of_row(row: Mapping[str, str], sizes: Mapping[str, float], unit_of: UnitOf) -> Measurement:
     """Return the measurement of a row of a table, whose columns have units of some sizes."""
-    size = _size(row.get("unit", ""), unit_of(row["quantity"]))
-    return Measurement(
-        sizes["speed"] * number_in(row["speed"]),
-        row["quantity"],
-        int(row["order"]) if row["order"].isdecimal() else row["order"],
-        size * number_in(row["amplitude"]),
-        size * number_in(row["sigma"]),
-        sizes.get("phase", 1.0) * number_in(row.get("phase") or "nan"),
+    order = int(row["order"]) if row["order"].isdecimal() else row["order"]
+    speed, amplitude, sigma = (_number(name, row[name]) for name in ("speed", "amplitude", "sigma"))
+    phase = _number("phase", row["phase"]) if row.get("phase") else math.nan
+    # Its errors tell the numbers as they stand in the file.
+    one = Measurement(speed, row["quantity"], order, amplitude, sigma, phase)
+    size = _size(row.get("unit", ""), unit_of(one.quantity, one.order))
+    return replace(
+        one,
+        speed=sizes["speed"] * one.speed,
+        amplitude=size * one.amplitude,
+        sigma=size * one.sigma,
+        phase=sizes.get("phase", 1.0) * one.phase,
     )
 
 
@@ -184,7 +210,8 @@ def of_series(
     require(not behind.any(), "angle", must, f"with a gap after {time[behind.argmax()]:g} s")
     for name in (name for name in columns if name not in ("time", "angle")):
         quantity, _, unit = (part.strip(" )") for part in name.partition("("))
-        size = _size(unit, unit_of(quantity))
+        with renamed(quantity=name, unit=name):
+            size = _size(unit, unit_of(quantity, 1))
         each = [_fit(angle[turn == i], columns[name][turn == i], orders) for i in range(turns)]
         mean, apart = size * np.mean(each, axis=0)
         # Of the mean, in each of its two parts: Student's, of as many degrees of freedom less two.

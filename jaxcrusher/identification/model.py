@@ -1,7 +1,9 @@
 """What a machine shows at a point of its numbers: harmonics, RMS values and statistics."""
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -10,17 +12,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxcrusher.basics.checks import require, require_known
+from jaxcrusher.basics.checks import require, require_choice, require_known
 from jaxcrusher.identification.measurements import RMS, WHOLE, Measurement
 from jaxcrusher.mechanism.reductions import SAMPLES
 from jaxcrusher.mechanism.scene import Scene
-from jaxcrusher.motion.turns import SIDES
+from jaxcrusher.motion.turns import SIDES, curve_of
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit, turns_of
 from jaxcrusher.scenes.machine import Family, Machine
+from jaxcrusher.scenes.units import NUMBER
 
 # A number of an orbit beside its statistics.
 LEAST_PENETRATION = "least_penetration"
+# A component of a vector along another direction than x and y: its name and the angle, in degrees.
+_OBLIQUE = re.compile(rf"(.+)_({NUMBER})deg")
 
 
 def require_continuous(argument: str, names: Iterable[str], machine: Machine) -> None:
@@ -31,11 +36,15 @@ def require_continuous(argument: str, names: Iterable[str], machine: Machine) ->
 
 
 class What(NamedTuple):
-    """What is looked at: harmonics of observables up to an order, and statistics."""
+    """What is looked at: harmonics of observables up to an order, and statistics.
+
+    Vectors are seen along x and y; `oblique` are components along other directions.
+    """
 
     observables: tuple[str, ...]
     orders: int
     statistics: tuple[str, ...]
+    oblique: tuple[str, ...] = ()
 
 
 class Seen(NamedTuple):
@@ -50,16 +59,22 @@ class Seen(NamedTuple):
         """Return one number, complex where it is a harmonic."""
         if order == WHOLE:
             return self.statistics[quantity]
-        require_known(quantity, self.spectra)
         return self.spectra[quantity][-1 if order == RMS else order]
 
 
 @dataclass(frozen=True)
 class Quantities:
-    """What a scene shows: names and SI units of observables, and of numbers of an orbit."""
+    """What a scene shows: observables and numbers of an orbit, by name, and their SI units.
+
+    `meanings` say what observables are, `measurable` are those that sensors show, and `vectors`
+    those with two components.
+    """
 
     observables: Mapping[str, str]
     statistics: Mapping[str, str]
+    meanings: Mapping[str, str]
+    measurable: tuple[str, ...]
+    vectors: frozenset[str]
     angles: Float[np.ndarray, " n"]  # of the shaft, at equal steps of the phase over a turn
 
     def phase(self, angle: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
@@ -70,8 +85,15 @@ class Quantities:
 
     def observable(self, quantity: str) -> str:
         """Return the observable of a quantity, such as `ground_force` of `ground_force_y`."""
-        is_side = quantity.endswith(SIDES) and quantity not in self.observables
-        return quantity[:-2] if is_side and quantity[:-2] in self.observables else quantity
+        oblique = _OBLIQUE.fullmatch(quantity)
+        name = oblique[1] if oblique else quantity[:-2] if quantity.endswith(SIDES) else quantity
+        return name if name in self.vectors and quantity not in self.observables else quantity
+
+    def called(self, quantity: str) -> str:
+        """Return what an observable is, with the way of a component along x or y."""
+        name = self.observable(quantity)
+        way = {"_x": " horizontally", "_y": " vertically"}.get(quantity.removeprefix(name), "")
+        return self.meanings[name] + way
 
     def unit(self, quantity: str) -> str:
         """Return the SI unit of a quantity; ValueError for an unknown one."""
@@ -79,28 +101,53 @@ class Quantities:
         require_known(name, known)
         return known[name]
 
+    def unit_of(self, quantity: str, order: int | str) -> str:
+        """Return the SI unit of what a measurement is of; ValueError for what is not shown."""
+        name, known = self.observable(quantity), {**self.statistics, **self.observables}
+        if name not in known:
+            near = get_close_matches(name, known, n=1)
+            require_choice("quantity", quantity, tuple(known if near else self.measurable))
+        must = f"have a direction, as {name}_x, {name}_y or {name}_30deg"
+        require(quantity not in self.vectors, "quantity", must, quantity)
+        fits = name in (self.statistics if order == WHOLE else self.observables)
+        must = f'suit {name}: "" of a statistic, and a number or "rms" of an observable'
+        require(fits, "order", must, repr(order))
+        return known[name]
+
     def asked(self, measured: Iterable[Measurement]) -> What:
         """Return what is to be looked at; ValueError for what the scene does not show."""
-        observables, orders, statistics = set(), [1], set()
+        observables, orders, statistics, oblique = set(), [1], set(), set()
         for one in measured:
-            self.unit(one.quantity)
-            name, is_whole = self.observable(one.quantity), one.order == WHOLE
-            known = name in (self.statistics if is_whole else self.observables)
-            must = f'suit {name}: "" of a statistic, and a number or "rms" of an observable'
-            require(known, "order", must, repr(one.order))
-            (statistics if is_whole else observables).add(name)
+            self.unit_of(one.quantity, one.order)
+            name = self.observable(one.quantity)
+            (statistics if one.order == WHOLE else observables).add(name)
+            if name != one.quantity and not one.quantity.endswith(SIDES):
+                oblique.add(one.quantity)
             orders += [one.order] if isinstance(one.order, int) else []
-        return What(tuple(sorted(observables)), max(orders), tuple(sorted(statistics)))
+        named = (tuple(sorted(names)) for names in (observables, statistics, oblique))
+        seen, whole, along = named
+        return What(seen, max(orders), whole, along)
 
 
 def quantities_of(scene: Scene) -> Quantities:
     """Return what a scene shows."""
+
+    def shapes(scene: Scene) -> dict[str, Array]:
+        snapshot = scene.formulation.snapshot(
+            jnp.zeros(()), scene.formulation.initial(scene), scene
+        )
+        return {name: one(snapshot, scene) for name, one in scene.observables.items()}
+
     observables = {name: one.unit for name, one in scene.observables.items()}
     statistics = {name: one.unit for name, one in scene.statistics.items()}
+    meanings = {name: one.meaning for name, one in scene.observables.items()}
+    seen = eqx.filter_eval_shape(shapes, scene.steady())
+    vectors = frozenset(name for name, one in seen.items() if one.ndim)
     drive, angles = scene.drive, np.linspace(0, 2 * np.pi, SAMPLES + 1)
     if drive.initial() is None:
         angles = np.asarray(jax.vmap(lambda at: drive.crank(at / drive.speed, None).angle)(angles))
-    return Quantities(observables, {**statistics, LEAST_PENETRATION: "1"}, angles)
+    statistics |= {LEAST_PENETRATION: "1"}
+    return Quantities(observables, statistics, meanings, scene.measurable, vectors, angles)
 
 
 @eqx.filter_jit
@@ -131,7 +178,13 @@ def look(
 def _seen(orbit: PeriodicOrbit, what: What) -> Seen:
     known, spectra = orbit.scene.observables, {}
     turns = turns_of(orbit, {name: known[name] for name in what.observables})
-    for name, curve in turns.curves().items():
+    curves = turns.curves()
+    for name in what.oblique:
+        observable, angle = _along(name)
+        x, y = (curves[f"{observable}{side}"] for side in SIDES)
+        values = np.cos(angle) * x.values + np.sin(angle) * y.values
+        curves[name] = curve_of(x.unit, values)
+    for name, curve in curves.items():
         orders = curve.amplitudes(what.orders * turns.length)[0, :: turns.length]
         spectra[name] = jnp.append(orders, curve.moving.rms[0].astype(complex))
     statistics = {
@@ -139,6 +192,13 @@ def _seen(orbit: PeriodicOrbit, what: What) -> Seen:
         for name in what.statistics
     }
     return Seen(spectra, statistics, jnp.asarray(orbit.stable, float))
+
+
+def _along(quantity: str) -> tuple[str, float]:
+    """Return the observable of an oblique component, and its angle, rad."""
+    match = _OBLIQUE.fullmatch(quantity)
+    assert match is not None, quantity
+    return match[1], float(np.radians(float(match[2])))
 
 
 def residual_rows(

@@ -9,10 +9,11 @@ from jax.lax import stop_gradient
 from jaxtyping import Scalar
 
 from jaxcrusher.basics.checks import require_own_process, require_positive
-from jaxcrusher.basics.plane import Vector, or_zero, plus
+from jaxcrusher.basics.plane import Vector, arm_to, or_zero, plus
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractGap, ClearanceJoint, Contact
 from jaxcrusher.joint.rollers import LIFE_EXPONENT, RollerBearing
+from jaxcrusher.mechanism.linkage import Point
 from jaxcrusher.mechanism.snapshot import FrameMotion, Observable, OfPart, Snapshot
 from jaxcrusher.mechanism.supports import OnSupports
 from jaxcrusher.mechanism.topology import FRAME
@@ -273,6 +274,58 @@ def frame_speed(s: Snapshot, scene: Scene) -> Scalar:
     """Return the speed of G, m/s."""
     width = stop_gradient(SPEED_WIDTH * scene.throw * scene.drive.speed)
     return norm(_on_supports(s, scene)[0].velocity, width)
+
+
+def velocity_at(s: Snapshot, scene: Scene, point: Point) -> Vector:
+    """Return v_G + spin perp(r - r_G) + (the velocity past the frame) of a point, m/s.
+
+    It is that past the ground, in the ground's axes: what a sensor there shows.
+    """
+    past = s.motion.velocity(point)
+    if s.frame is None:
+        return past
+    frame, foundation = _on_supports(s, scene)
+    arm = s.motion.position(point) - foundation.point
+    return frame.velocity + (frame.spin * arm.perp() + past).along(frame.axis)
+
+
+def acceleration_at(s: Snapshot, scene: Scene, point: Point) -> Vector:
+    """Return r_S'' + phi'' perp(arm) - phi'^2 arm of a point from its body's mass centre, m/s2.
+
+    It is that past the ground, in the ground's axes: what a sensor there shows, but for its tilt.
+    """
+    if point.body == FRAME:
+        middle = arm_to(_on_supports(s, scene)[1].point)
+    else:
+        middle = scene.linkage.bodies.at(point.body).mass_centre
+    found, arm = s.accelerations.centres.at(point.body), point.arm - middle
+    if (arm := arm.along(s.motion.axis(point.body))) is not None:
+        spin = plus(s.motion.spin(point.body), None if s.frame is None else s.frame.spin)
+        spin_up = s.accelerations.spin_ups[point.body]
+        turned = None if spin_up is None else spin_up * arm.perp()
+        inward = None if spin is None else -(spin**2) * arm
+        found = found + or_zero(plus(turned, inward))
+    return found if s.frame is None else found.along(s.frame.axis)
+
+
+def point_velocity(s: Snapshot, scene: Scene, name: str) -> Vector:
+    """Return the velocity of a point by its name, or of a body's mass centre, as `velocity_at`."""
+    return velocity_at(s, scene, scene.point(name))
+
+
+def point_acceleration(s: Snapshot, scene: Scene, name: str) -> Vector:
+    """Return the acceleration of a point by its name, or of a body's mass centre."""
+    return acceleration_at(s, scene, scene.point(name))
+
+
+def cap_velocity(s: Snapshot, scene: Scene, joint: str) -> Vector:
+    """Return the velocity of a bearing's cap: of the body with the bore, at its centre, m/s."""
+    return velocity_at(s, scene, scene.linkage.joints.at(joint).bore)
+
+
+def cap_acceleration(s: Snapshot, scene: Scene, joint: str) -> Vector:
+    """Return the acceleration of a bearing's cap, m/s2."""
+    return acceleration_at(s, scene, scene.linkage.joints.at(joint).bore)
 
 
 # What the eccentricity of a joint is.

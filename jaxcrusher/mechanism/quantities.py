@@ -15,7 +15,7 @@ from jax.lax import stop_gradient
 from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.checks import require
-from jaxcrusher.basics.plane import Vector, or_zero, plus
+from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.rollers import STATIC_PRESSURE
 from jaxcrusher.joint.validity import FilmThickness, Jamming, RollerLoad, Turning
@@ -33,6 +33,8 @@ from jaxcrusher.mechanism.observables import (
     frame_speed,
     ground_moment,
     on_bore,
+    point_acceleration,
+    point_velocity,
     roller_pressure,
     shaking_size,
     static_load,
@@ -75,7 +77,8 @@ class Parts(NamedTuple):
     lubricated: tuple[str, ...] = ()
     slides: tuple[str, ...] = ()
     guides: tuple[str, ...] = ()  # slides that rub
-    points: tuple[str, ...] = ()
+    bodies: tuple[str, ...] = ()
+    points: tuple[str, ...] = ()  # of bodies, and of a frame on supports
     supports: bool = False
     springs: bool = False
     rests: bool = False
@@ -83,12 +86,16 @@ class Parts(NamedTuple):
 
 @dataclass(frozen=True)
 class Asked:
-    """What can be asked of a scene, and what limits its model besides contacts, by name."""
+    """What can be asked of a scene, and what limits its model besides contacts, by name.
+
+    `measurable` are the observables that sensors on a plant's machine show.
+    """
 
     observables: Mapping[str, Observable]
     usual: Statistics  # computed without being asked for
     further: Statistics  # when asked; of a usual one the same
     limits: Limits  # as far as statistics tell them
+    measurable: tuple[str, ...] = ()
 
     @functools.cached_property
     def statistics(self) -> Mapping[str, Statistic]:
@@ -209,28 +216,8 @@ def position(s: Snapshot, scene: Scene, name: str) -> Vector:
     return s.motion.position(scene.point(name))
 
 
-def _velocity(s: Snapshot, scene: Scene, name: str) -> Vector:
-    return s.motion.velocity(scene.point(name))
-
-
-def _acceleration(s: Snapshot, scene: Scene, name: str) -> Vector:
-    """Return r_S'' + phi'' perp(arm) - phi'^2 arm past the ground, in the frame's axes."""
-    point = scene.point(name)
-    centre = s.accelerations.centres.at(point.body)
-    arm = (point.arm - scene.linkage.bodies.at(point.body).mass_centre).along(
-        s.motion.axis(point.body)
-    )
-    if arm is None:
-        return centre
-    spin = plus(s.motion.spin(point.body), None if s.frame is None else s.frame.spin)
-    spin_up = s.accelerations.spin_ups[point.body]
-    turned = None if spin_up is None else spin_up * arm.perp()
-    inward = None if spin is None else -(spin**2) * arm
-    return centre + or_zero(plus(turned, inward))
-
-
 def _acceleration_size(s: Snapshot, scene: Scene, name: str) -> Scalar:
-    return norm(_acceleration(s, scene, name), acceleration_width(scene))
+    return norm(point_acceleration(s, scene, name), acceleration_width(scene))
 
 
 def _slide_force(s: Snapshot, scene: Scene, slide: str) -> Scalar:
@@ -281,7 +268,23 @@ def _seen(function: Any, part: str, unit: str, meaning: str) -> Observable:
     return Observable(OfPart(function, part), unit, meaning)
 
 
-def _require_new(found: Mapping[str, Any], others: Mapping[str, Any]) -> None:
+def sensors_at(
+    name: str,
+    part: str,
+    velocity: Any = point_velocity,
+    acceleration: Any = point_acceleration,
+    called: str = "",
+) -> Observables:
+    """Return what a sensor at a part of a machine shows, past the ground, in the ground's axes."""
+    called = called or name
+    return {
+        f"{name}_velocity": _seen(velocity, part, "m/s", f"velocity of {called}"),
+        f"{name}_acceleration": _seen(acceleration, part, "m/s2", f"acceleration of {called}"),
+    }
+
+
+def require_new(found: Mapping[str, Any], others: Mapping[str, Any]) -> None:
+    """Raise ValueError for observables of parts that have names of others."""
     twice = ", ".join(sorted(found.keys() & others.keys()))
     must = "have other names than to be seen as what joints, machine or supports have"
     require(not twice, "slides and points", must, f"seen as {twice}")
@@ -315,17 +318,14 @@ def own_of_linkage(parts: Parts) -> Asked:
         own = OfPart(_slide_feedback, slide)
         usual[f"{slide}_feedback"] = Statistic("1", meaning, own, LARGEST)
         limits[slide] = Jamming, (f"{slide}_feedback",)
-    for point in parts.points:
-        for name, function, unit, meaning in (
-            ("position", position, "m", f"place of {point}, from the frame"),
-            ("velocity", _velocity, "m/s", f"velocity of {point}, past the frame"),
-            ("acceleration", _acceleration, "m/s2", f"acceleration of {point}, past the ground"),
-        ):
-            found[f"{point}_{name}"] = _seen(function, point, unit, meaning)
+    for point in (*parts.bodies, *parts.points):
+        found[f"{point}_position"] = _seen(position, point, "m", f"place of {point}, in the frame")
+        found |= sensors_at(point, point)
         size = OfPart(_acceleration_size, point)
         further |= _sizes(f"{point}_acceleration", "m/s2", f"acceleration of {point}", size)
-    _require_new(found, of_joints)
-    return Asked(of_joints | found, usual, further, limits)
+    require_new(found, of_joints)
+    measurable = tuple(name for point in parts.points for name in sensors_at(point, point))
+    return Asked(of_joints | found, usual, further, limits, measurable)
 
 
 @dataclass(frozen=True)
@@ -378,7 +378,7 @@ def asked_of(template: Template, parts: Parts) -> Asked:
     for joint, at in watched.items():
         play = "way to the left, and tilt times half the length," if joint in parts.slides else PIN
         of_joints |= seen.observables_at(joint, at.prefix, at.title, play)
-    _require_new(own.observables, of_joints | others)
+    require_new(own.observables, of_joints | others)
 
     usual = own.usual | {"shaking_rms": OF_MACHINE["shaking_rms"]}
     rests = {crank.title: (Turning, (f"{speed}_least",))} if parts.rests else {}
@@ -413,7 +413,15 @@ def asked_of(template: Template, parts: Parts) -> Asked:
     further |= OF_SUPPORTS if parts.supports else {}
     # Scenes of the same parts share it.
     table = MappingProxyType({**of_joints, **own.observables, **others})
-    return Asked(table, usual, further, limits)
+    # Of a frame on supports the force on it is inside of the machine.
+    measurable = ("drive_torque", "drive_power", *own.measurable)
+    measurable += (
+        ("left_force", "right_force", "transmitted_force")
+        if parts.supports
+        else ("ground_force", "ground_moment")
+    )
+    measurable += ("frame_velocity",) if parts.supports and not parts.points else ()
+    return Asked(table, usual, further, limits, measurable)
 
 
 # What a scene may lack, and how its parts would be with it.

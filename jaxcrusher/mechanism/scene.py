@@ -58,9 +58,10 @@ class Scene(Told, eqx.Module):
 
     Joints and slides that are not named are ideal; a slide without a gap may have friction by
     `guides`. With no `foundation` the frame is clamped, and moments on the ground are counted about
-    its origin. Of `points`, and of the mass centre of each body, there are position, velocity and
-    acceleration. `own` is what `with_statistics` adds, and the `template` says what its results are
-    called and what is asked of it besides.
+    its origin. Of `points`, of bodies or of a frame on supports, and of the mass centre of each
+    body, there are velocity and acceleration as a sensor there shows them. `own` is what
+    `with_statistics` adds, and the `template` says what its results are called and what is asked of
+    it besides.
 
     Raises ValueError (concrete values only) if 64-bit floats are off, for a bearing of a joint that
     there is not, for a clearance that is not inside (0, R_i), for a guide whose slider has no
@@ -104,7 +105,9 @@ class Scene(Told, eqx.Module):
         bodies = self.linkage.bodies.names
         for name, point in self.points.items():
             require(name not in bodies, "points", "have names that no body has", name)
-            require(point.body in bodies, f"points.{name}", "be of a body", f"of {point.body}")
+            known = bodies if self.supports is None else (*bodies, FRAME)
+            must = "be of a body, or of a frame on supports"
+            require(point.body in known, f"points.{name}", must, f"of {point.body}")
         must = f"be at bodies that there are: {', '.join(bodies)}"
         for push in self.pushes:  # one of the frame would be its own reaction
             require(push.body in bodies, "pushes", must, f"at {push.body}")
@@ -197,7 +200,8 @@ class Scene(Told, eqx.Module):
             self.lubricated,
             linkage.slides.names,
             self.guides.names,
-            tuple(dict.fromkeys((*linkage.bodies.names, *self.points.names))),
+            linkage.bodies.names,
+            self.points.names,
             self.supports is not None,
             bool(self.springs),
             rests,
@@ -211,6 +215,11 @@ class Scene(Told, eqx.Module):
     def observables(self) -> Mapping[str, Observable]:
         """Return all that may be asked of an instant, by name."""
         return self._asked.observables
+
+    @property
+    def measurable(self) -> tuple[str, ...]:
+        """Return the observables that sensors show: of points, bearings, supports and the motor."""
+        return self._asked.measurable
 
     @property
     def statistics(self) -> Mapping[str, Statistic]:

@@ -85,6 +85,10 @@ class ObservableNames:
     jaw_position: Array
     jaw_mass_centre: Array
     jaw_velocity: Array
+    main_cap_velocity: Array
+    main_cap_acceleration: Array
+    shaft_bearing_cap_velocity: Array
+    shaft_bearing_cap_acceleration: Array
     rod_tension: Array
     shaking_force: Array
     ground_force: Array

@@ -69,7 +69,7 @@ from jaxcrusher.scenes.parameters import (
     within_limits,
 )
 from jaxcrusher.scenes.plausibility import borrowed, has_constant_load, remarks, warn_of_unusual
-from jaxcrusher.scenes.units import all_said
+from jaxcrusher.scenes.units import all_said, points_of
 
 # What bodies and joints are made of.
 _OF_LINKAGE = [
@@ -143,6 +143,7 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
         formulation=formulation(),
         start=LAWS["start"][v["start"]]() if loose else None,
         foundation=foundation,
+        points=Named({n: Point(FRAME, Arm(*at)) for n, at in points_of(values).items()}),
         template=CRUSHER,
     )
 

@@ -24,12 +24,13 @@ along = [1, 0]
 
 Besides there are `[forces.NAME]` (body, at, force; or curve and along; of a rough feed scatter,
 bandwidth and seed), `[springs.NAME]` (begin, end, stiffness, length, damping, preload), `[points]`
-whose motion is told, `[foundation]` as of a crusher, and `[assembly]`: the side of each dyad, by
-one of its bodies. Two links meet to the left (1) or to the right (-1) of the line from the outer
-joint of the named one to the other's; a link and a slider meet ahead (1) or behind (-1) along the
-slide. Of a triad, a body that meets three others which hang on bodies before them, it says roughly
-where the one in the middle is at crank angle zero: `coupler = ["300 mm", "0 mm", "10 deg"]`, the
-place of its origin and the angle of its x axis. Dyads and triads follow from the joints.
+of bodies or of a frame on supports, as sensors sit there, `[foundation]` as of a crusher, and
+`[assembly]`: the side of each dyad, by one of its bodies. Two links meet to the left (1) or to the
+right (-1) of the line from the outer joint of the named one to the other's; a link and a slider
+meet ahead (1) or behind (-1) along the slide. Of a triad, a body that meets three others which hang
+on bodies before them, it says roughly where the one in the middle is at crank angle zero:
+`coupler = ["300 mm", "0 mm", "10 deg"]`, the place of its origin and the angle of its x axis. Dyads
+and triads follow from the joints.
 Numbers are named by their place, as `joints.B.clearance` and `bodies.rod.mass_centre.x`.
 """
 

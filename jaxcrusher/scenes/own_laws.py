@@ -130,7 +130,7 @@ def check_described(values: Mapping[str, Any]) -> Mapping[str, Parameter]:
     """Check a crusher's description, whose laws may be one's own, and return what numbers it knows.
 
     Numbers are scalars or arrays; what is known only to `jax.jit` passes (see `within_limits`).
-    What a file holds is checked when it is read, and where a point is when a sheet is made. Raises
+    What a file holds is checked when it is read, and where a point is when a scene is made. Raises
     ValueError for an unknown name, a number outside its limits, an unknown choice, and a number
     that two laws of one joint would take.
     """

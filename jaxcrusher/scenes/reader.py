@@ -21,7 +21,7 @@ the machine together, units, unknown keys, what comes with what, limits, and whe
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -51,6 +51,7 @@ from jaxcrusher.scenes.units import (
     NUMBER,
     TYPOGRAPHIC,
     number_in,
+    point_of,
     quantity_in,
     units_of,
     written_unit,
@@ -338,24 +339,6 @@ def require_continuous(argument: str, name: str, machine: Machine = PAPER) -> No
     require_moving(argument, name, machine)
     must = "name a number that may vary continuously"
     require(not machine.numbers[name].whole, argument, must, name)
-
-
-def points_of(values: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    """Return the points of the frame that a description names, m from C."""
-    there = (name for name in values if name.startswith(POINTS))
-    return {name.removeprefix(POINTS): point_of(name, values[name]) for name in there}
-
-
-def point_of(name: str, value: Any) -> tuple[float, float]:
-    """Return a point of the frame, m from C, of two quantities such as "1.2 m, -0.4 m".
-
-    Raises ValueError as `quantity_in` does.
-    """
-    two = value.split(",") if isinstance(value, str) else ()
-    must = 'be a place from C, to the right and up, such as "1.2 m, -0.4 m"'
-    require(len(two) == 2, name, must, repr(value))
-    x, y = (quantity_in("m", name, one) for one in two)
-    return x, y
 
 
 def flattened(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

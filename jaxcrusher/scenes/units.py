@@ -15,7 +15,7 @@ import numpy as np
 import pint
 
 from jaxcrusher.basics.checks import require
-from jaxcrusher.scenes.parameters import DRAWN_IN, NUMBERS, key_of, readable
+from jaxcrusher.scenes.parameters import DRAWN_IN, NUMBERS, POINTS, key_of, readable
 
 # A rotational speed as data sheets write it, in any case; elsewhere "1/min" may be another rate.
 _TURNS_A_MINUTE = ("1/min", "min-1", "min^-1", "min**-1", "rpm", "upm")
@@ -183,6 +183,24 @@ def _example(unit: str) -> str:
 def _wanted(unit: str) -> str:
     either = "a number or " if unit == "1" else ""
     return f"{either}a quoted quantity such as {_example(unit)}"
+
+
+def points_of(values: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Return the points of the frame that a description names, m from C."""
+    there = (name for name in values if name.startswith(POINTS))
+    return {name.removeprefix(POINTS): point_of(name, values[name]) for name in there}
+
+
+def point_of(name: str, value: Any) -> tuple[float, float]:
+    """Return a point of the frame, m from C, of two quantities such as "1.2 m, -0.4 m".
+
+    Raises ValueError as `quantity_in` does.
+    """
+    two = value.split(",") if isinstance(value, str) else ()
+    must = 'be a place from C, to the right and up, such as "1.2 m, -0.4 m"'
+    require(len(two) == 2, name, must, repr(value))
+    x, y = (quantity_in("m", name, one) for one in two)
+    return x, y
 
 
 def number_in(unit: str, name: str, value: Any) -> float:

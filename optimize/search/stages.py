@@ -12,7 +12,7 @@ from jaxcrusher.batch.engines import default_engine
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import write_netcdf
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
-from jaxcrusher.scenes.reader import points_of
+from jaxcrusher.scenes.units import points_of
 from jaxcrusher.sheets.load_sheet import Row, Site, sheet
 from optimize.answer import Answer, Coexisting, Confirmed, Maps, Orbit, Refinement
 from optimize.ask.constraints import losses

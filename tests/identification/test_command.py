@@ -1,6 +1,8 @@
 """`python -m jaxcrusher identify`: from files to an answer, a picture and JSON."""
 
 import json
+import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,9 +10,11 @@ import pytest
 
 from jaxcrusher.commands.identify import amplitudes
 from jaxcrusher.identification.measurements import Measurement
+from jaxcrusher.scenes.reader import read_machine
 from tests.identification import by_hand
 from tests.whole.test_commands import run
 
+EXAMPLES = Path(__file__).parents[2] / "examples"
 SCENE = 'joint = "ideal"\n[jaw]\nmass = "0.6 t"\n[shaft]\nmass_centre_radius = "8 mm"\n'
 
 
@@ -85,6 +89,38 @@ def test_identify_a_linkage(tmp_path):
     # The rod weighs 1e-9 kg.
     assert values["bodies.crank.mass"] == pytest.approx(2, rel=1e-7)
     assert values["bodies.slider.mass"] == pytest.approx(5, rel=1e-7)
+
+
+RIGHT = {
+    "foundation.mass": 6400.0,
+    "foundation.vertical_stiffness": 20e6,
+    "foundation.horizontal_stiffness": 12e6,
+    "jaw.mass": 524.0,
+}
+
+
+@pytest.mark.slow
+def test_the_example_to_copy_finds_the_numbers_that_it_was_made_of(tmp_path):
+    """From sensors alone: two on the block, one of them oblique, and one on the bearing's cap."""
+    status, text = run(
+        *("identify", "--scene", EXAMPLES / "on_mounts.toml", "--out", tmp_path),
+        *("--measured", EXAMPLES / "measured.csv", "--free", *RIGHT),
+    )
+    assert status == 0
+    kept = json.loads((tmp_path / "identify" / "identified.json").read_text())
+    for name, exact in RIGHT.items():
+        # Three standard deviations of a single draw, which are 3 % at most.
+        off, sigma = kept["values"][name] - exact, kept["standard_deviations"][name]
+        assert abs(off) < 3 * sigma < 0.1 * exact, name
+    assert kept["untold"] == [] and kept["degrees_of_freedom"] == 27 - 4
+    # What is printed is in the words of a plant, with the name that the CSV takes.
+    told = [line for line in text.splitlines() if line.startswith("Tells ")]
+    assert len(told) == 3 and all(
+        re.search(r": .* \(\w+\), (mean|order \d), at", one) for one in told
+    )
+    shown = read_machine(EXAMPLES / "on_mounts.toml").scene().measurable
+    for one in kept["further"]:
+        assert one["quantity"].removesuffix("_x").removesuffix("_y") in shown
 
 
 def test_a_mean_and_a_statistic_keep_their_sign():

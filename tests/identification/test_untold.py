@@ -73,6 +73,16 @@ def test_the_further_measurement_that_tells_most(found):
     assert alone < best.standard_deviations["jaw.inertia"] < 2 * alone
 
 
+def test_what_tells_most_can_be_measured(found):
+    """Of a clamped machine: its motor, the cap of the main bearing, the force on the ground."""
+    caps = ("main_cap_velocity", "main_cap_acceleration")
+    sensors = {"drive_torque", "drive_power", *caps, "ground_force", "ground_moment"}
+    offered = [found.problem.quantities.observable(one.quantity) for one in found.further(orders=2)]
+    assert sorted(offered) == sorted(sensors)
+    with pytest.raises(ValueError, match="`noise` must be a known name, but is 'ground_momen'"):
+        found.further(noise={"ground_momen": 1.0})
+
+
 @pytest.mark.parametrize("noise", [-0.01, np.nan, 0.0, {"ground_moment": -5.0}])
 def test_a_further_measurement_scatters(found, noise):
     with pytest.raises(ValueError, match=r"^Argument `noise` must be finite and > 0"):
@@ -122,8 +132,9 @@ def test_a_wrong_model_is_seen(found):
         ({"priors": {"jaw.mass": (1.0, 0.0)}}, r"`priors\['jaw.mass'\]` must be finite and > 0"),
         ({"priors": {"shaft.mass": (1.0, 1.0)}}, "`priors` must name free numbers, jaw.mass"),
         ({"starts": 0}, "`starts` must be a whole number >= 1"),
-        ({"quantity": "ground_forc_x"}, "`ground_forc_x` must be a known name"),
-        ({"quantity": "ground_force"}, "`ground_force` must be a known name, but is not"),
+        ({"quantity": "ground_forc_x"}, "`quantity` must be a known name, but is 'ground_forc_x'"),
+        ({"quantity": "?"}, "`quantity` must be one of 'drive_torque', .*'ground_moment', but is"),
+        ({"quantity": "ground_force"}, "`quantity` must have a direction, as ground_force_x, gr"),
         ({"order": "", "phase": np.nan}, '`order` must suit ground_force: "" of a statistic'),
         ({"order": 1.5}, "`order` must be a whole number from 0 to 100"),
         ({"sigma": 0.0}, "`sigma` must be finite and > 0"),

@@ -262,7 +262,7 @@ REFUSED = {
     ),
     "a point of the frame": (
         {"points": {"wall": ["frame", 0.1, 0]}},
-        "points.wall` must be of a body, but is of frame",
+        "points.wall` must be of a body, or of a frame on supports, but is of frame",
     ),
     "a slide that is seen as the ground": (
         {"slides": {"ground": {"body": "slider", "along": [1, 0]}, "guide": None}},

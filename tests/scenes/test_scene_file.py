@@ -12,7 +12,8 @@ from jaxcrusher.crusher import capacity
 from jaxcrusher.scenes.build import build_linkage
 from jaxcrusher.scenes.parameters import CHAMBER, CHOICES, FILES, MOMENTS, NUMBERS
 from jaxcrusher.scenes.plausibility import borrowed, remarks
-from jaxcrusher.scenes.reader import point_of, read_scene_file, read_text, read_value
+from jaxcrusher.scenes.reader import read_scene_file, read_text, read_value
+from jaxcrusher.scenes.units import point_of
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 # A unit that is not the SI unit, and its size.
