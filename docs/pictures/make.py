@@ -33,6 +33,7 @@ def main(out: Path = Path("results/pictures")) -> None:
     import numpy as np
     from block import plot_block
     from geometry import plot_geometry
+    from slopes import plot_slopes
 
     import jaxcrusher as jc
     from jaxcrusher.commands.orbit import draw
@@ -65,6 +66,7 @@ def main(out: Path = Path("results/pictures")) -> None:
     write_figure(folder / "block.png", plot_block(jc.build_scene({"joint": "ideal"} | BLOCK)))
     write_figure(folder / "loads.png", loads())
     write_figure(folder / "identified.png", identified())
+    write_figure(folder / "slopes.png", plot_slopes())
     # As `python -m jaxcrusher orbit --set clearance "0.05 mm"` writes it.
     draw(jc.periodic_orbit(jc.build_scene({"clearance": 0.05e-3})), folder / "orbit.png")
 
