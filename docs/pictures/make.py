@@ -19,19 +19,32 @@ if TYPE_CHECKING:
 # A pin of 0.5 mm play, which flies while the jaw goes back without a load.
 FILM = """-m jaxcrusher film --motion run --turns 1 --set load_law closing_stroke --set load "30 kN"
 --set clearance 0.5mm --set speed "35 rad/s" --set restitution 0.5 --set start contact"""
+# The block of docs/foundation.md.
+BLOCK = {
+    "foundation.mass": 6e3,  # kg
+    "foundation.inertia": 2.5e3,  # kg m2
+    "foundation.x": 0.3,  # m, as what follows
+    "foundation.y": 0.2,
+    "foundation.left": -0.7,
+    "foundation.right": 0.9,
+    "foundation.base": -0.6,
+}
 
 
 def main(out: Path = Path("results/pictures")) -> None:
-    """Draw the pictures of the documentation, some minutes: letters, mechanism, film, a map.
+    """Draw the pictures of the documentation, some minutes.
 
     Args:
         out: Folder that they are written to; docs/pictures for the documentation's own.
     """
     import matplotlib.pyplot as plt
     import numpy as np
+    from block import plot_block
     from geometry import plot_geometry
+    from slopes import plot_slopes
 
     import jaxcrusher as jc
+    from jaxcrusher.commands.orbit import draw
     from jaxcrusher.files.results import results_folder, write_figure
     from jaxcrusher.pictures import plots
     from jaxcrusher.pictures.mechanism import DRAWN, plot_mechanism
@@ -56,6 +69,12 @@ def main(out: Path = Path("results/pictures")) -> None:
     write_figure(folder / "bearings.png", bearings())
     write_figure(folder / "linkages.png", linkages(), dpi=70)
     write_figure(folder / "loose_guide.png", loose_guide(), dpi=90)
+    write_figure(folder / "block.png", plot_block(jc.build_scene({"joint": "ideal"} | BLOCK)))
+    write_figure(folder / "loads.png", loads())
+    write_figure(folder / "identified.png", identified())
+    write_figure(folder / "slopes.png", plot_slopes())
+    # As `python -m jaxcrusher orbit --set clearance "0.05 mm"` writes it.
+    draw(jc.periodic_orbit(jc.build_scene({"clearance": 0.05e-3})), folder / "orbit.png")
 
 
 def film(folder: Path) -> None:
@@ -81,6 +100,94 @@ def loose_guide() -> Figure:
     fig, ax = pins_and_force(scene, motion)
     ax.plot(turns, np.asarray(motion["guide_force"]) / 1e3, linewidth=0.8)
     ax.set(xlabel="turns of the crank", ylabel="force on the guide, to the left (kN)")
+    return fig
+
+
+def loads() -> Figure:
+    """Draw the load of each law over a turn of the ideal PE250x400 at 30 rad/s."""
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    import jaxcrusher as jc
+    from jaxcrusher.pictures.plots import STYLE, WIDTH, force_size
+
+    angles = np.radians(np.linspace(0, 360, 1441))
+    given = np.radians(np.arange(0, 360, 30))
+    curve = np.stack([given, 9e3 + 3e3 * np.cos(given - 2.0)], axis=1)
+    laws = {
+        "along_jaw, normal_to_jaw": ({"load_law": "along_jaw"}, "-"),
+        "closing_stroke": ({"load_law": "closing_stroke"}, "--"),
+        "closing_stroke, load_edge": (
+            {"load_law": "closing_stroke", "load_edge": np.radians(20.0)},
+            "-.",
+        ),
+        "by_angle, twelve points": ({"load_law": "by_angle", "load_curve": curve}, ":"),
+        "chamber": ({"load_law": "chamber"}, (0, (5, 1, 1, 1, 1, 1))),
+    }
+    with plt.rc_context(STYLE):
+        fig, ax = plt.subplots(figsize=(WIDTH, 3.4), layout="constrained")
+        for label, (described, style) in laws.items():
+            scene = jc.build_scene({"joint": "ideal", "speed": 30.0} | described)
+            seen = jc.simulate(scene, angles / 30.0, outputs=("crushing_load",))
+            force = force_size(seen["crushing_load"])
+            ax.plot(np.degrees(angles), force, linestyle=style, linewidth=1.4, label=label)
+        ax.plot(np.degrees(given), curve[:, 1] / 1e3, "o", color="C3", markersize=3)
+        ax.set(xlabel="angle of the shaft (degrees)", ylabel="load on the jaw (kN)")
+        ax.set(xlim=(0, 360), xticks=range(0, 361, 45), ylim=(0, None))
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
+        fig.draw_without_rendering()
+    return fig
+
+
+def identified() -> Figure:
+    """Draw amplitudes of a block as measured, here drawn by chance, and as fitted."""
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    import jaxcrusher as jc
+    from jaxcrusher.identification.measurements import Measurement
+    from jaxcrusher.pictures.plots import BLUE, ORANGE, STYLE, WIDTH
+
+    sigma, sides = 0.03e-3, ("frame_velocity_x", "frame_velocity_y")
+    numbers = {"foundation.mass": 6e3, "foundation.x": 0.3, "foundation.y": 0.2}
+    block = jc.paper_machine(joint="ideal", **numbers)
+    names = ["foundation.vertical_stiffness", "foundation.horizontal_stiffness"]
+
+    def amplitudes(machine: jc.Machine, speed: float) -> list[float]:
+        orbit = jc.periodic_orbit(machine.scene(speed=speed), nodes=32)
+        found = jc.harmonics(orbit, 1, outputs=("frame_velocity",)).amplitude.sel(order=1)
+        return [float(found.sel(quantity=side)) for side in sides]
+
+    speeds, rng = np.linspace(24.0, 36.0, 5), np.random.default_rng(1)
+    measured = [
+        Measurement(float(speed), side, 1, exact + sigma * float(rng.standard_normal()), sigma)
+        for speed in speeds
+        for side, exact in zip(sides, amplitudes(block, float(speed)), strict=True)
+    ]
+    begin = block.replace(**{names[0]: 1.2e8, names[1]: 0.8e8})
+    found = jc.identify(begin, measured, names, starts=1, nodes=32)
+    fine = np.linspace(22.0, 38.0, 17)
+    ways = {
+        "begin of the search": (begin, ":", "0.4"),
+        "fitted": (block.replace(**found.values), "-", BLUE),
+    }
+    with plt.rc_context(STYLE):
+        fig, axes = plt.subplots(1, 2, figsize=(WIDTH, 3.0), layout="constrained")
+        shown = {
+            label: np.array([amplitudes(machine, float(speed)) for speed in fine])
+            for label, (machine, *_) in ways.items()
+        }
+        for k, (ax, way) in enumerate(zip(axes, ("horizontal", "vertical"), strict=True)):
+            for label, (_, style, colour) in ways.items():
+                ax.plot(
+                    fine * 30 / np.pi, 1e3 * shown[label][:, k], style, color=colour, label=label
+                )
+            values = [1e3 * one.amplitude for one in measured if one.quantity == sides[k]]
+            bars = {"yerr": 2e3 * sigma, "fmt": "o", "ms": 3.5, "capsize": 2, "color": ORANGE}
+            ax.errorbar(speeds * 30 / np.pi, values, label="measured, 2 sigma", **bars)
+            ax.set(xlabel="speed of the shaft (rpm)", ylabel=f"{way} amplitude, order 1 (mm/s)")
+        axes[0].legend(loc="upper left", frameon=False)
+        fig.draw_without_rendering()
     return fig
 
 

@@ -17,8 +17,8 @@ def cells(path: Path, kind: str) -> list:
     return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == kind]
 
 
-def test_eight_short_ones(path):
-    assert len(NOTEBOOKS) == 8
+def test_nine_short_ones(path):
+    assert len(NOTEBOOKS) == 9
     assert len(nbformat.read(path, as_version=4).cells) <= 15
 
 
@@ -26,6 +26,8 @@ def test_opens_with_its_question_and_explains_its_symbols(path):
     opening, symbols = (cell.source for cell in cells(path, "markdown")[:2])
     assert re.match(r"# .+\n\n\*\*[^*]+\?\*\*", opening)
     assert re.match(r"\| (symbol|word) \|", symbols)
+    # A picture stands on the first screen.
+    assert re.search(r"\n!\[[^]]+\]\(\.\./docs/[\w/]+\.png\)$", opening)
 
 
 def test_checks_stand_in_the_last_cell_alone(path):

@@ -6,10 +6,13 @@ import zlib
 from pathlib import Path
 
 import pytest
+import yaml
 
 from tests.processes import ended
 
 ROOT = Path(__file__).parents[2]
+# Pages of the API begin with an example, of which these compute.
+EXAMPLES = ("capacity", "formulations", "identification", "joint", "periodic", "scenes", "search")
 # Not for users: entry points and what they are made of.
 PRIVATE = ("__main__", "commands")
 
@@ -19,8 +22,8 @@ def python_blocks(page: str) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def documented(tmp_path_factory) -> set[str]:
-    """The names with an entry of their own in the site, which is built as its readers build it."""
+def site(tmp_path_factory) -> Path:
+    """The site, built as its readers build it."""
     site = tmp_path_factory.mktemp("site")
     done = ended("-m", "mkdocs", "build", "--strict", "--site-dir", str(site), cwd=ROOT)
     assert done.returncode == 0, done.stderr
@@ -28,9 +31,39 @@ def documented(tmp_path_factory) -> set[str]:
     assert formulas.count("<math") > 50 and "arithmatex" not in formulas
     # A table that follows a line of text stays text.
     assert [page.name for page in site.rglob("*.html") if "|---" in page.read_text()] == []
+    return site
+
+
+@pytest.fixture(scope="module")
+def documented(site) -> set[str]:
+    """The names with an entry of their own in the site."""
     # Sphinx's format: four lines of header, then a name and its place a line.
     inventory = zlib.decompress((site / "objects.inv").read_bytes().split(b"\n", 4)[4]).decode()
     return {line.split()[0] for line in inventory.splitlines()}
+
+
+def linked(page: Path) -> set[Path]:
+    """Pages that a page of the site links to."""
+    links = re.findall(r'<a [^>]*href="([^":#?]+\.html)', page.read_text())
+    return {(page.parent / link).resolve() for link in links}
+
+
+@pytest.mark.slow
+def test_every_page_is_at_most_two_clicks_from_the_first(site):
+    site = site.resolve()
+    first = {site / "index.html"}
+    once = first.union(*map(linked, first))
+    pages = {path for path in site.rglob("*.html") if path.name != "404.html"}
+    assert len(pages) > 50
+    assert pages - once.union(*map(linked, once)) == set()
+
+
+def test_no_list_of_the_navigation_is_longer_than_fifteen():
+    sections = yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"]
+    lists = [pages for section in sections for pages in section.values()]
+    assert max(map(len, [sections, *lists])) <= 15
+    # What a section holds stands on its first page.
+    assert all(pages[0].endswith("index.md") for pages in lists)
 
 
 @pytest.mark.slow
@@ -79,6 +112,7 @@ def test_every_module_is_documented(documented):
         "docs/foundation.md",
         "docs/identification.md",
         "docs/rough_feed.md",
+        *(f"docs/api/{name}.md" for name in EXAMPLES),
     ],
 )
 @pytest.mark.usefixtures("unchecked")
