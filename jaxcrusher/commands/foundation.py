@@ -202,7 +202,7 @@ def heading(found: Machine, crusher: Crusher, turns: Turns | None) -> dict[str, 
         head["loose joints"] = f"the run failed: {turns.failure}"
     elif turns is not None:
         head["loose joints"] = (
-            f"{turns.pieces} turns after {turns.settled}; ideal | loose ± standard error, of peaks "
+            f"{turns.pieces} turns after {turns.settled}; loose ± standard error, of peaks "
             "± standard deviation of the turns' peaks"
         )
     return head
