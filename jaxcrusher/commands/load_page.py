@@ -281,9 +281,9 @@ def assumed(scene: Scene, head: Mapping[str, str], factor: float, *, soil: bool)
         found.append("Frame and block are one rigid body. Springs and dampers are linear.")
     if soil:
         found.append(
-            "Soil is an even elastic half space; its springs are those at the running frequency, and "
-            "are drawn where they act: so far apart that they turn with its rocking stiffness, and "
-            "above the base where its sides carry."
+            "Soil is an even elastic half space. Its springs are those at the running frequency. "
+            "They are drawn where they act: so far apart that they turn with its rocking "
+            "stiffness, and above the base where its sides carry."
         )
     if varied := head.get("equivalent loads"):
         found.append(f"Of equivalent loads: {varied}.")
