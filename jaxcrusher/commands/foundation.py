@@ -24,7 +24,9 @@ from jaxcrusher.commands.load_page import (
     NOT_LOOKED_UP,
     RESONANCE,
     SIGNS,
+    SOIL_KEYS,
     TITLE,
+    has_soil,
     listed,
     norms,
     page,
@@ -69,7 +71,6 @@ CURVES = {
 }
 # Column of the sheet -> how many times the soil's shear modulus it has, and its title.
 SOILS = {"softer": (0.5, "half the modulus"), "stiffer": (1.5, "1.5 times the modulus")}
-_SOIL = "foundation.soil."
 
 
 def run(options: Foundation, console: Console) -> int:
@@ -90,13 +91,15 @@ def run(options: Foundation, console: Console) -> int:
         orbit = jc.periodic_orbit(quiet(scene))
         require(bool(orbit.success), "scene", "have an orbit with ideal joints", orbit.failure)
         ideal = rows = sheet(orbit, options.orders, site)
-    others = {}
-    for column, (times, title) in (SOILS if scene.supports is not None else {}).items():
-        if other := soil_times(found, times):
-            with stages(console, f"soil of {title}"):
-                orbit = jc.periodic_orbit(quiet(other))
-                require(bool(orbit.success), "scene", f"have an orbit with {title}", orbit.failure)
+    others, without = {}, []
+    for column, (times, title) in SOILS.items() if has_soil(values) else ():
+        with stages(console, f"soil of {title}"):
+            try:
+                orbit = jc.periodic_orbit(quiet(soil_times(found, times)))
+                require(bool(orbit.success), "scene", "have an orbit", orbit.failure)
                 others[column] = sheet(orbit, options.orders, site)
+            except ValueError as error:  # too soft a soil lets the block topple
+                without.append(f"none with {title}: {error}")
     turns, loose, varied = None, {}, ""
     if not scene.is_ideal:
         outputs = outputs_of(scene)
@@ -125,6 +128,8 @@ def run(options: Foundation, console: Console) -> int:
     with console.status("run-up"):
         curves = run_up(scene, speeds)
     head = heading(found, options.crusher, turns)
+    if without:
+        head["other soil"] = " ".join(without)
     if varied and turns is not None:
         head["equivalent loads"] = varied
         head["knocks"] = knocks(turns, rows, options.orders)
@@ -158,17 +163,16 @@ def run(options: Foundation, console: Console) -> int:
         console.print("The frame is clamped: foundation.mass puts it on supports.")
     else:
         console.print(f"{HOLDING} {RESONANCE}")
-    ground = any(name.startswith(_SOIL) for name in values)
-    console.print(f"{NOT_LOOKED_UP} {'; '.join(norms(scene, soil=ground))}.")
+    console.print(f"¹ {NOT_LOOKED_UP} {'; '.join(norms(scene, soil=has_soil(values)))}.")
     console.print(listed_files(folder, FILES[:4]))
     return 1 if turns is not None and turns.failure else 0
 
 
-def soil_times(found: Machine, times: float) -> Scene | None:
-    """Return the scene on soil of so many times the shear modulus; None where there is no soil."""
-    powers = {f"{_SOIL}shear_modulus": times, f"{_SOIL}shear_wave_speed": times**0.5}
+def soil_times(found: Machine, times: float) -> Scene:
+    """Return the scene on soil of so many times the shear modulus; ValueError out of its limits."""
+    powers = {f"{SOIL_KEYS}shear_modulus": times, f"{SOIL_KEYS}shear_wave_speed": times**0.5}
     given = {name: found.values[name] * by for name, by in powers.items() if name in found.values}
-    return found.scene(**given) if given else None
+    return found.scene(**given)
 
 
 def site_of(values: dict[str, Any], options: Foundation) -> Site:

@@ -1,7 +1,7 @@
 """The page of a load sheet: tables that an engineer reads and signs, on screen and on paper."""
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,7 +41,7 @@ RESONANCE = (
     "A mode is in resonance with an order near its natural frequency if it amplifies that order "
     f"{AMPLIFIED:g} times or more, and makes {100 * MATTERS:g} % or more of the block's RMS speed."
 )
-FACTOR = "The dynamic factor counts what moves; 3 is the fatigue factor of DIN 4024-1 [norms]."
+FACTOR = "The dynamic factor counts what moves; 3 is the fatigue factor of DIN 4024-1¹."
 HOLDING = (
     "A support carries the dead load G, and what moves lifts it by Z at most. With the dynamic "
     "factor it presses with G - factor Z at least; where that is below zero it pulls, and needs an "
@@ -55,6 +55,7 @@ NOT_LOOKED_UP = (
 )
 DYNAMIC_FACTOR = "DIN 4024-1 (the dynamic factor of 3)"
 SOIL = "Pais and Kausel (1988), tables 2-2 and 2-3 of NIST GCR 12-917-21 (springs of soil)"
+SOIL_KEYS = "foundation.soil."
 # What the heading tells and the tables of inputs tell too.
 IN_TABLES = ("machine", "date", "loads", "masses", "foundation", "assumed", "from the PE250x400")
 SMALL = 5e-4  # of the unit: what is not seen beside larger numbers
@@ -117,6 +118,11 @@ def _amounts(rows: Sequence[Row]) -> dict[tuple[str, float | str], Amount]:
 
 def _named(order: float | str) -> str:
     return order if isinstance(order, str) else f"order {order:g}"
+
+
+def has_soil(values: Iterable[str]) -> bool:
+    """Tell whether a machine of these numbers, by name, stands on soil."""
+    return any(name.startswith(SOIL_KEYS) for name in values)
 
 
 def is_loose(rows: Sequence[Row]) -> bool:
@@ -338,7 +344,7 @@ def page(
     """
     scene, loose = machine.scene(), is_loose(rows)
     parts = {part: [row for row in rows if row.part == part] for part in {r.part for r in rows}}
-    ground = any(name.startswith("foundation.soil.") for name in machine.values)
+    ground = has_soil(machine.values)
 
     def table(part: str, title: str = "", **how: Any) -> list[Grid]:
         return [by_name(title or part, parts[part], **how)] if part in parts else []

@@ -237,9 +237,9 @@ def test_other_soil_has_other_springs(key):
     machine = read_machine(Crusher(overrides=(*BLOCK, (name, value))))
     soft = foundation.soil_times(machine, 0.5)
     expected = machine.scene(**{name: machine.values[name] * 0.5**power})
-    assert soft is not None and eqx.tree_equal(soft, expected)
+    assert eqx.tree_equal(soft, expected)
     assert machine.scene().supports.vertical_stiffness > 1.9 * soft.supports.vertical_stiffness
-    assert foundation.soil_times(read_machine(Crusher()), 0.5) is None
+    assert load_page.has_soil(machine.values) and not load_page.has_soil({"speed": 30.0})
 
 
 def test_other_soil_stands_in_columns():
