@@ -56,8 +56,9 @@ NOT_LOOKED_UP = (
 DYNAMIC_FACTOR = "DIN 4024-1 (the dynamic factor of 3)"
 SOIL = "Pais and Kausel (1988), tables 2-2 and 2-3 of NIST GCR 12-917-21 (springs of soil)"
 SOIL_KEYS = "foundation.soil."
-# What the heading tells and the tables of inputs tell too.
+# What the heading tells, and the inputs or what is assumed tell too.
 IN_TABLES = ("machine", "date", "loads", "masses", "foundation", "assumed", "from the PE250x400")
+IN_TABLES += ("equivalent loads",)
 SMALL = 5e-4  # of the unit: what is not seen beside larger numbers
 
 

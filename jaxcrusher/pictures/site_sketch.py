@@ -21,7 +21,7 @@ from jaxcrusher.pictures.mechanism import HATCHED, fixed_jaw, joints_outline, pl
 # Angles of the crank by which is found how far the bodies reach.
 ANGLES = 24
 # Of the picture, inches: letters have their size on a page of A4.
-WIDTH, HEIGHTS = 6.3, (2.5, 4.5)
+WIDTH, HEIGHTS = 6.3, (2.5, 3.9)
 # Of the drawing's span: between dimension lines, the height of a support, what a block stands out
 # beside its supports, and the axes' arrows.
 LINE, FOOT, SIDE, AXIS = 0.085, 0.06, 0.08, 0.16
