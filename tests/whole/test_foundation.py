@@ -211,6 +211,7 @@ def test_a_table_has_its_quantities_in_lines_and_a_spectrum_its_orders():
     rows = [Row("harmonics", n, order, 3.0, "kN", 0.0, ideal=2.0) for n in "ab" for order in orders]
     (grid,) = load_page.spectra("title", rows, lambda name: True)
     assert grid.spans == [("", 1), ("a, kN", 3), ("b, kN", 3)]
+    assert grid.headings == ["", *("ideal", "loose", "phase") * 2]
     assert [line[0] for line in grid.lines] == ["order 1", "order 2", "RMS above order 2"]
     assert grid.lines[0] == ("order 1", "2", "3", "0°", "2", "3", "0°")
 
