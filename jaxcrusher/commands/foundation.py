@@ -13,32 +13,42 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Array, Scalar
-from jinja2 import Environment
 from rich.console import Console
 from rich.table import Table
 
 import jaxcrusher as jc
 from jaxcrusher.basics.checks import renamed, require, require_positive, require_whole
+from jaxcrusher.commands.load_page import (
+    FACTOR,
+    HOLDING,
+    NOT_LOOKED_UP,
+    RESONANCE,
+    SIGNS,
+    SOIL_KEYS,
+    TITLE,
+    has_soil,
+    listed,
+    norms,
+    page,
+)
 from jaxcrusher.commands.machines import borrowed_by, read_machine, settings_of, variants_of
 from jaxcrusher.commands.options import Crusher, Foundation
 from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
-from jaxcrusher.files.results import listed, write_figure, write_json, write_table, write_text
+from jaxcrusher.files.results import listed as listed_files
+from jaxcrusher.files.results import write_figure, write_json, write_table, write_text
 from jaxcrusher.files.resume import begin_beside
-from jaxcrusher.files.text import number, with_error
 from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.supports import Clamped
 from jaxcrusher.motion.turns import Turns, require_turns, run_turns
 from jaxcrusher.orbits.solving import NODES
+from jaxcrusher.pictures.site_sketch import draw_site
 from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.reader import read_range
 from jaxcrusher.scenes.units import all_said, points_of, quantity_in
 from jaxcrusher.sheets.load_sheet import (
     AMPLIFIED,
-    MATTERS,
-    MOVING,
-    Row,
     Site,
     beside,
     between,
@@ -52,27 +62,15 @@ from jaxcrusher.sheets.load_sheet import (
     static_loads,
 )
 from jaxcrusher.sheets.natural_modes import amplification
-from jaxcrusher.sheets.severity import SOURCE
 
-TITLE = "Load sheet of a machine's foundation"
-FILES = ("sheet.csv", "sheet.html", "run_up.png", "sheet.json")
+FILES = ("sheet.csv", "sheet.html", "run_up.png", "sketch.png", "sheet.json")
 # RMS -> its name, colour and mark in the picture; of a clamped frame the first alone.
 CURVES = {
     "exciting_rms": ("exciting force", "C0", "o"),
     "transmitted_rms": ("force on the ground", "C1", "s"),
 }
-PAGE = Path(__file__).with_name("load_sheet.html")
-SIGNS = (
-    "Forces are those on the frame and on the ground: x to the right, y up, moments "
-    "counterclockwise. Harmonics are A cos(k theta + phi) of the shaft angle theta at mean speed, "
-    "0 where the eccentric is at +x. An exciting force is that on a frame at rest, less its mean, "
-    "and belongs into a model that has the machine's whole mass."
-)
-RESONANCE = (
-    "A mode is in resonance with an order near its natural frequency if it amplifies that order "
-    f"{AMPLIFIED:g} times or more, and makes {100 * MATTERS:g} % or more of the block's RMS speed."
-)
-FACTOR = "The dynamic factor counts what moves; 3 is the fatigue factor of DIN 4024-1, from memory."
+# Column of the sheet -> how many times the soil's shear modulus it has, and its title.
+SOILS = {"softer": (0.5, "half the modulus"), "stiffer": (1.5, "1.5 times the modulus")}
 
 
 def run(options: Foundation, console: Console) -> int:
@@ -92,8 +90,17 @@ def run(options: Foundation, console: Console) -> int:
     with stages(console, "ideal joints"):
         orbit = jc.periodic_orbit(quiet(scene))
         require(bool(orbit.success), "scene", "have an orbit with ideal joints", orbit.failure)
-        rows, turns = sheet(orbit, options.orders, site), None
-    loose, varied = {}, ""
+        ideal = rows = sheet(orbit, options.orders, site)
+    others, without = {}, []
+    for column, (times, title) in SOILS.items() if has_soil(values) else ():
+        with stages(console, f"soil of {title}"):
+            try:
+                orbit = jc.periodic_orbit(quiet(soil_times(found, times)))
+                require(bool(orbit.success), "scene", "have an orbit", orbit.failure)
+                others[column] = sheet(orbit, options.orders, site)
+            except ValueError as error:  # too soft a soil lets the block topple
+                without.append(f"none with {title}: {error}")
+    turns, loose, varied = None, {}, ""
     if not scene.is_ideal:
         outputs = outputs_of(scene)
 
@@ -104,7 +111,8 @@ def run(options: Foundation, console: Console) -> int:
         with stages(console, "loose joints"):
             turns = run_of(scene, options.seconds)
         if not turns.failure:
-            rows, loose = beside(sheet(turns, options.orders, site), rows), moving_rms(turns)
+            rows, loose = sheet(turns, options.orders, site), moving_rms(turns)
+            rows = beside(rows, ideal=ideal)
         if not turns.failure and loses_contact(turns):
             scenes, refused = variants_of(found, values, found.units)
             runs = {}
@@ -115,10 +123,13 @@ def run(options: Foundation, console: Console) -> int:
             runs = {title: run for title, run in runs.items() if not run.failure}
             rows = between(rows, [static_loads(run, site) for run in runs.values()])
             varied = " ".join([ranges(list(runs)), *refused])
+    rows = beside(rows, **others)
     speeds = np.linspace(low, high, options.points)
     with console.status("run-up"):
         curves = run_up(scene, speeds)
     head = heading(found, options.crusher, turns)
+    if without:
+        head["other soil"] = " ".join(without)
     if varied and turns is not None:
         head["equivalent loads"] = varied
         head["knocks"] = knocks(turns, rows, options.orders)
@@ -130,23 +141,38 @@ def run(options: Foundation, console: Console) -> int:
         | {f"loose_{name}": values for name, values in loose.items()},
     )
     draw(scene, speeds, curves, loose, folder / "run_up.png")
-    picture = base64.b64encode((folder / "run_up.png").read_bytes()).decode()
-    write_text(folder / "sheet.html", page(scene, rows, head, picture))
+    write_figure(folder / "sketch.png", draw_site(scene, site.points), dpi=200)
+    pictures = {
+        name: base64.b64encode((folder / f"{name}.png").read_bytes()).decode()
+        for name in ("sketch", "run_up")
+    }
+    soil = {SOILS[column][1]: sheet for column, sheet in others.items()}
+    soil = {"its own modulus": ideal, **soil} if soil else {}
+    told = page(found, rows, head, pictures, factor=site.factor, soil=soil)
+    write_text(folder / "sheet.html", told)
     console.print(TITLE)
     for name, text in head.items():
         console.print(f"{name}: {text}")
-    for part, lines in grids(rows).items():
-        shown = Table(title=part, title_justify="left", box=None, show_header=False)
-        for line in lines:
+    for grid in listed(rows):
+        shown = Table(*grid.headings, title=grid.title, title_justify="left", box=None)
+        for line in grid.lines:
             shown.add_row(*line)
         console.print(shown, soft_wrap=False)
     console.print(f"{SIGNS} {FACTOR}")
     if scene.supports is None:
         console.print("The frame is clamped: foundation.mass puts it on supports.")
     else:
-        console.print(f"{RESONANCE} Zones of {SOURCE}.")
-    console.print(listed(folder, FILES[:3]))
+        console.print(f"{HOLDING} {RESONANCE}")
+    console.print(f"¹ {NOT_LOOKED_UP} {'; '.join(norms(scene, soil=has_soil(values)))}.")
+    console.print(listed_files(folder, FILES[:4]))
     return 1 if turns is not None and turns.failure else 0
+
+
+def soil_times(found: Machine, times: float) -> Scene:
+    """Return the scene on soil of so many times the shear modulus; ValueError out of its limits."""
+    powers = {f"{SOIL_KEYS}shear_modulus": times, f"{SOIL_KEYS}shear_wave_speed": times**0.5}
+    given = {name: found.values[name] * by for name, by in powers.items() if name in found.values}
+    return found.scene(**given)
 
 
 def site_of(values: dict[str, Any], options: Foundation) -> Site:
@@ -164,11 +190,11 @@ def site_of(values: dict[str, Any], options: Foundation) -> Site:
 def heading(found: Machine, crusher: Crusher, turns: Turns | None) -> dict[str, str]:
     """Return what the sheet is of: machine, joints, loads, masses, and what was assumed."""
     name = "PE250x400" if crusher.scene is None else crusher.scene.stem
-    if crusher.overrides:
-        name += f" with {', '.join(f'{key} {value}' for key, value in crusher.overrides)}"
+    changed = ", ".join(f"{key} {value}" for key, value in crusher.overrides)
     speed, scene = all_said({"speed": found.values["speed"]}, found.units), found.scene()
     head = {
         "machine": name,
+        **({"changed": changed} if changed else {}),
         "date": datetime.date.today().isoformat(),
         "joints": joint_states(scene),
         "running": f"{speed}, {running_frequency(scene):.4g} Hz",
@@ -180,7 +206,7 @@ def heading(found: Machine, crusher: Crusher, turns: Turns | None) -> dict[str, 
         head["loose joints"] = f"the run failed: {turns.failure}"
     elif turns is not None:
         head["loose joints"] = (
-            f"{turns.pieces} turns after {turns.settled}; ideal | loose ± standard error, of peaks "
+            f"{turns.pieces} turns after {turns.settled}; loose ± standard error, of peaks "
             "± standard deviation of the turns' peaks"
         )
     return head
@@ -247,7 +273,7 @@ def draw(
     running speed: their mean and their standard deviation are drawn. A mode that is damped too well
     to amplify anything has no speed of its own.
     """
-    fig, ax = plt.subplots(figsize=(4.4, 3.6), layout="constrained")
+    fig, ax = plt.subplots(figsize=(4.4, 3.2), layout="constrained")
     minutes, running = 30 / np.pi * speeds, 60 * running_frequency(scene)
     for name, values in curves.items():
         words, colour, _ = CURVES[name]
@@ -268,79 +294,5 @@ def draw(
                     ax.axvline(critical, color="C3", ls=style, lw=0.8)
     ax.set(xlabel="shaft speed, rpm", ylabel="RMS of what moves, kN")
     ax.set(xlim=(minutes[0], minutes[-1]), ylim=(0, None))
-    fig.legend(fontsize=7, ncols=2, loc="outside upper center")
+    fig.legend(fontsize=9, ncols=2, loc="outside upper center")
     write_figure(path, fig, dpi=200)
-
-
-def _seen(value: float, least: float) -> float:
-    return value if abs(value) >= least else 0.0
-
-
-def _amount(row: Row, largest: float) -> str:
-    """Return a number with scatter, phase and range, and that of ideal joints where it differs.
-
-    Nothing is seen below half of a thousandth of the unit, or of the `largest` of a small machine;
-    a millionth of the unit is rounding. Of a share nothing is seen below half of a thousandth.
-    """
-    least = 0.05 if row.unit == "%" else 5e-4 * float(np.clip(largest, 1e-6, 1.0))
-    value, ideal, low, high = (
-        of if isinstance(of, str) else number(_seen(of, least))
-        for of in (row.value, row.ideal, row.lowest, row.highest)
-    )
-    before = "" if ideal in ("", value) else f"{ideal} | "
-    scatter = 0.0 if row.scatter == "" else _seen(float(row.scatter), least)
-    if scatter > 1e-4 * abs(row.value):
-        value = with_error(_seen(row.value, least), scatter)
-    phase = "" if isinstance(row.phase_rad, str) else f" at {np.degrees(row.phase_rad):z.0f}°"
-    reach = f" ({low} to {high})" if low else ""
-    return f"{before}{value}{phase if value != '0' else ''}{reach}"
-
-
-def grids(rows: Sequence[Row]) -> dict[str, list[tuple[str, ...]]]:
-    """Return the parts of the sheet as grids of text with a line of headings.
-
-    A line is a quantity, with a column for each of its orders, and remarks in the last one.
-    """
-    found = {}
-    # What moves is long, and stands in the file alone.
-    for part in dict.fromkeys(row.part for row in rows if row.part != MOVING):
-        inside = [row for row in rows if row.part == part]
-        orders = list(dict.fromkeys(row.order for row in inside))
-        named = [order if isinstance(order, str) else f"order {order:g}" for order in orders]
-        # A column that is a share has its unit in its heading.
-        shares = {row.order for row in inside if row.unit == "%"}
-        named = [f"{n}, %" if o in shares else n for n, o in zip(named, orders, strict=True)]
-        lines = [("", "unit", *named, "")] if any(named) else []
-        largest = {
-            unit: max(abs(row.value) for row in inside if row.unit == unit)
-            for unit in {row.unit for row in inside}
-        }
-        for name in dict.fromkeys(row.name for row in inside):
-            own = {row.order: row for row in inside if row.name == name}
-            unit = next(iter(own.values())).unit
-            amounts = [
-                _amount(own[order], largest[own[order].unit]) if order in own else ""
-                for order in orders
-            ]
-            remarks = "; ".join(row.remark for row in own.values() if row.remark)
-            lines.append((name, unit, *amounts, remarks))
-        found[part] = lines
-    return found
-
-
-def page(scene: Scene, rows: Sequence[Row], head: dict[str, str], picture: str) -> str:
-    """Return the printable page."""
-    return (
-        Environment(autoescape=True)
-        .from_string(PAGE.read_text(encoding="utf-8"))
-        .render(
-            title=TITLE,
-            head=head,
-            grids=grids(rows),
-            picture=picture,
-            signs=f"{SIGNS} {FACTOR}",
-            source="" if scene.supports is None else SOURCE,
-            resonance=RESONANCE,
-            made=provenance("")["source"],
-        )
-    )

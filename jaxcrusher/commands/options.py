@@ -234,7 +234,7 @@ class Foundation:
     """The load sheet of a crusher for whoever lays out its foundation.
 
     Its columns are the machine with ideal joints, exactly, and where joints are loose the means of
-    a run with their standard error. Writes OUT/NAME/sheet.html (a page of A4), sheet.csv (the same
+    a run with their standard error. Writes OUT/NAME/sheet.html (pages of A4), sheet.csv (the same
     numbers and the harmonics of the motion), and run_up.png (what shakes the ground over the
     speed). At most a minute, some of it compilation.
     """

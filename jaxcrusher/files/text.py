@@ -46,8 +46,7 @@ def to_error(value: float, error: float, most: int = 6) -> str:
     """
     if not (math.isfinite(error) and math.isfinite(value)) or error <= 0:
         return number(value)
-    # Decimal places: of 0.0123 three, of 4100 minus two.
-    places = 1 - math.floor(math.log10(float(f"{error:.1e}")))
+    places = _second_digit(error)
     if value != 0:
         places = min(places, most - 1 - math.floor(math.log10(abs(value))))
     rounded = round(value, places)
@@ -59,7 +58,16 @@ def to_error(value: float, error: float, most: int = 6) -> str:
 def with_error(value: float, error: float) -> str:
     """Return a number with its error or scatter, which is left out where it is not finite."""
     told = to_error(value, error)
-    return f"{told} ± {two_digits(error)}" if math.isfinite(error) else told
+    if not math.isfinite(error):
+        return told
+    places = len(told.partition(".")[2])
+    same = "e" not in told and error > 0 and _second_digit(error) == places
+    return f"{told} ± {error:.{places}f}" if same else f"{told} ± {two_digits(error)}"
+
+
+def _second_digit(error: float) -> int:
+    """Return the decimal place of the second digit of an error: of 0.0123 three, of 4100 -2."""
+    return 1 - math.floor(math.log10(float(f"{error:.1e}")))
 
 
 def measured(value: float, unit: str, error: float) -> str:

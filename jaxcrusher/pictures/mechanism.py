@@ -4,7 +4,7 @@ A crusher has outlines for the eye, and beside it the magnified clearances of A,
 """
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +49,7 @@ _BOX = {"boxstyle": "round,pad=0.1", "facecolor": "w", "edgecolor": "none", "alp
 SYMBOL: dict[str, Any] = {"fontsize": 12, "fontweight": "bold", "zorder": 6, "bbox": _BOX}
 SYMBOL |= {"textcoords": "offset points", "xytext": (0, 0), "ha": "center", "va": "center"}
 EDGES = (-1.35, 1.35)  # of what is magnified, in radii of the bore
-_HATCHED: dict[str, Any] = {"facecolor": "w", "edgecolor": "k", "hatch": "////"}
+HATCHED: dict[str, Any] = {"facecolor": "w", "edgecolor": "k", "hatch": "////"}
 
 
 def plot_mechanism(
@@ -158,16 +158,16 @@ class Drawing:
         good = len(shown) > 0 and all(-count <= i < count for i in shown)
         require(good, "instant", f"be the index of one of {count} times", shown)
         angles = _angles(scene, trajectory, None if look is None else look.pin)
-        look = _linkage(scene, angles, trajectory) if look is None else look
+        look = joints_outline(scene, angles, trajectory.values) if look is None else look
         self._frame(scene.linkage, look)
         self.parts = []
         for body, corners, style in look.shapes:
             arms = [Point(body, Arm(*corner)) for corner in corners]
             patch = ax.add_patch(Polygon(np.zeros((2, 2)), **style))
-            self.parts.append((patch, _places(scene.linkage, arms, angles)))
+            self.parts.append((patch, places_of(scene.linkage, arms, angles)))
         self.dots = {}
         for name, (point, beside, style) in look.dots.items():
-            way = _places(scene.linkage, [point], angles)[:, 0]
+            way = places_of(scene.linkage, [point], angles)[:, 0]
             (dot,) = ax.plot([], [], **{"color": "k", "markerfacecolor": "w", "zorder": 4} | style)
             text = ax.annotate(name, (0, 0), beside, textcoords="offset points", zorder=6)
             self.dots[name] = dot, text, way
@@ -208,7 +208,7 @@ class Drawing:
                 if end.body == FRAME:
                     at = np.asarray(end.arm.vector().array())
                     foot = at + look.sign * np.array([(0, 0), (-0.8, -1.4), (0.8, -1.4)])
-                    self.ax.add_patch(Polygon(foot, zorder=3, **_HATCHED))
+                    self.ax.add_patch(Polygon(foot, zorder=3, **HATCHED))
         for slide in linkage.slides.values:
             ahead = np.asarray(slide.direction.array())
             begin = np.asarray(slide.through.vector().array())
@@ -216,15 +216,9 @@ class Drawing:
             self.ax.plot(*np.array(ends).T, "--", color="0.6", linewidth=1, zorder=0)
 
     def _fixed_jaw(self, size: float, r: float) -> None:
-        """Draw the fixed jaw clear of the face at every time, 20 degrees off it on average."""
         _, face = self.parts[1]
-        low, high = face.swapaxes(0, 1)
-        nearest = low[np.nanargmax(low[:, 0])] + np.array([0.3 * r, 0.0])
-        opening = np.radians(20) + np.arctan2(*np.nanmean(high - low, axis=0))
-        top = nearest + 1.25 * size * np.array([np.sin(opening), np.cos(opening)])
-        back = np.array([0.5 * r, 0.0])
-        block = np.array([nearest, top, top + back, nearest + back])
-        self.ax.add_patch(Polygon(block, **_HATCHED))
+        block = fixed_jaw(face, size, r)
+        self.ax.add_patch(Polygon(block, **HATCHED))
         self.ax.plot(*block[:2].T, color="k", linewidth=3, solid_capstyle="butt")
 
     def show(self, instant: int) -> None:
@@ -248,6 +242,20 @@ class Drawing:
         for clearance in self.clearances.values():
             clearance.show(instant)
         self.ax.set_title(f"t = {1e3 * self.time[instant]:.2f} ms")
+
+
+def fixed_jaw(face: Float[np.ndarray, "n 2 2"], size: float, r: float) -> Float[np.ndarray, "4 2"]:
+    """Return corners of a fixed jaw clear of the face at all n times, on average 20 degrees off it.
+
+    The first two corners are those before the face, whose low end stands first. The jaw is `size`
+    long, and `r` (m) is the radius of its bore.
+    """
+    low, high = face.swapaxes(0, 1)
+    nearest = low[np.nanargmax(low[:, 0])] + np.array([0.3 * r, 0.0])
+    opening = np.radians(20) + np.arctan2(*np.nanmean(high - low, axis=0))
+    top = nearest + 1.25 * size * np.array([np.sin(opening), np.cos(opening)])
+    back = np.array([0.5 * r, 0.0])
+    return np.array([nearest, top, top + back, nearest + back])
 
 
 def _angles(scene: Scene, trajectory: Trajectory, pin: str | None) -> Float[Array, " n"]:
@@ -276,13 +284,13 @@ def _seen(
     return jax.vmap(at)(angles)
 
 
-def _places(linkage: Linkage, points: list[Point], angles: Float[Array, " n"]) -> np.ndarray:
+def places_of(linkage: Linkage, points: list[Point], angles: Float[Array, " n"]) -> np.ndarray:
     """Return where points are at angles of the crank, without what clearances shift."""
     return np.asarray(_seen(linkage, points, angles))
 
 
-def _linkage(scene: Scene, angles: Float[Array, " n"], trajectory: Trajectory) -> Outline:
-    """Return the look of any linkage, by its joints and points."""
+def joints_outline(scene: Scene, angles: Float[Array, " n"], held: Container[str] = ()) -> Outline:
+    """Return the look of any linkage, by its joints and points, with the forces that are held."""
     linkage, dots, parts = scene.linkage, {}, []
     for name, joint in linkage.joints.items():
         end = joint.bore if joint.pin.body == FRAME else joint.pin  # the one that moves
@@ -291,7 +299,7 @@ def _linkage(scene: Scene, angles: Float[Array, " n"], trajectory: Trajectory) -
         dots[name] = Dot(end, (6, 6), {"marker": "o", **size})
     ends = [end for joint in linkage.joints.values for end in (joint.bore, joint.pin)]
     moving = [point for point in (*ends, *scene.points.values) if point.body != FRAME]
-    every = _places(linkage, moving, angles).reshape(-1, 2)
+    every = places_of(linkage, moving, angles).reshape(-1, 2)
     low, high = every.min(axis=0), every.max(axis=0)
     span = float(max(high - low))
     sliders = [slide.body for slide in linkage.slides.values]
@@ -307,7 +315,7 @@ def _linkage(scene: Scene, angles: Float[Array, " n"], trajectory: Trajectory) -
         style |= {"closed": len(outline) > 2, "joinstyle": "round", "label": body}
         parts.append(Shape(body, outline.tolist(), style))
     forces = {f"{name}_reaction": ("", ORANGE, name, "tail") for name in scene.bearings.names}
-    forces = {name: how for name, how in forces.items() if name in trajectory.values}
+    forces = {name: how for name, how in forces.items() if name in held}
     margin = 0.15 * span
     limits = np.stack([low - margin, high + margin], axis=1)
     return Outline(parts, dots, forces, LONGEST * span, 0.03 * span, limits)

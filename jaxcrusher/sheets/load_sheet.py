@@ -36,9 +36,12 @@ WAYS = tuple(SIDES.values())
 TRADE = {"N": ("kN", 1e-3), "N m": ("kN m", 1e-3), "m": ("um", 1e6), "m/s": ("mm/s", 1e3)}
 # Names of quantities on the sheet.
 EXCITING, SUPPORTS = "exciting force", ("left support", "right support", "both supports")
+STATIC, UPLIFT, VERDICTS = "static loads", "uplift", "verdicts"
 HARMONICS = "harmonics"
 MOVING = "harmonics of motion"
 RMS, EQUIVALENT = "RMS of what moves", "equivalent"
+# Of a support that may pull.
+DEAD, LIFT, LEFT_OVER, ANCHOR = "dead load", "greatest lift", "least pressing force", "anchor force"
 # What is followed of each force and moment of a run.
 ENDS = {"largest": LARGEST, "least": LEAST}
 # Of a joint: how deep its pin is in the bore, over the clearance.
@@ -69,8 +72,9 @@ class Row:
     `order` is that of a harmonic, or says whether it is the RMS, the peak or the like, or is empty.
     The `scatter` of a harmonic or an RMS is its standard error, that of a peak the standard
     deviation of the turns' peaks. `ideal` is the number with ideal joints. `lowest` and `highest`
-    are those of the same machine with other numbers of what is assumed. Of what has none of these
-    they are empty.
+    are those of the same machine with other numbers of what is assumed. `softer` and `stiffer` are
+    those with ideal joints on soil of half and of one and a half times the shear modulus. Of what
+    has none of these they are empty.
     """
 
     part: str
@@ -84,6 +88,8 @@ class Row:
     ideal: float | str = ""
     lowest: float | str = ""
     highest: float | str = ""
+    softer: float | str = ""
+    stiffer: float | str = ""
 
 
 def joint_states(scene: Scene) -> str:
@@ -147,8 +153,10 @@ def sheet(motion: PeriodicOrbit | Turns, orders: int, site: Site = Site()) -> li
     turns = motion if isinstance(motion, Turns) else orbit_turns(motion)
     exciting = _curves(turns, _on_frame(turns.scene))
     exciting = {name: curve.moving for name, curve in exciting.items()}
+    static = static_loads(turns, site)
     rows = [
-        *static_loads(turns, site),
+        *static,
+        *_uplift(static, site),
         *_harmonics(turns, exciting, HARMONICS, orders),
         *_peaks(turns, exciting, orders),
     ]
@@ -166,13 +174,22 @@ def sheet(motion: PeriodicOrbit | Turns, orders: int, site: Site = Site()) -> li
     return [*verdicts, *rows, *_running_up(turns, moved, orders, site)]
 
 
-def beside(rows: Sequence[Row], ideal: Sequence[Row]) -> list[Row]:
-    """Return the rows of a loose machine with the numbers of its ideal joints beside them."""
-    known = {(row.part, row.name, row.order): row.value for row in ideal}
-    return [
-        dataclasses.replace(row, ideal=known.get((row.part, row.name, row.order), ""))
-        for row in rows
-    ]
+def beside(rows: Sequence[Row], **others: Sequence[Row]) -> list[Row]:
+    """Return the rows with the numbers of other sheets beside them, each in a column by its name.
+
+    The columns are `ideal`, `softer` and `stiffer`. A number that another sheet lacks, or has in
+    another unit, is empty.
+    """
+    known = {
+        column: {(row.part, row.name, row.order, row.unit): row.value for row in sheet}
+        for column, sheet in others.items()
+    }
+
+    def told(row: Row) -> Row:
+        key = row.part, row.name, row.order, row.unit
+        return dataclasses.replace(row, **{n: values.get(key, "") for n, values in known.items()})
+
+    return [told(row) for row in rows]
 
 
 def between(rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> list[Row]:
@@ -214,12 +231,11 @@ def knocks(turns: Turns, rows: Sequence[Row], orders: int) -> str:
             "the frame is clamped, and what knocks exert stands here whole; a block filters them, "
             "since above its natural frequencies it passes on ever less"
         )
-    known = {(row.name, row.order): row.value for row in rows if row.part == "peaks"}
+    known = {(row.name, row.order): row.value for row in rows if row.part == HARMONICS}
 
     def above(name: str) -> float:
-        names = [f"{name}, {side}" for side in WAYS]
-        squares = [known[n, RMS] ** 2 * known[n, _above(orders)] / 100 for n in names]
-        return sum(squares) ** 0.5
+        x, y = (known[f"{name}, {side}", _above(orders)] for side in WAYS)
+        return float(np.hypot(x, y))
 
     sent, passed = above(EXCITING), above(f"force of {SUPPORTS[-1]}")
     return (
@@ -334,16 +350,47 @@ def static_loads(turns: Turns, site: Site) -> list[Row]:
                 remark = f"with the frame of {frame:.6g} kg"
                 fall = float(scene.linkage.gravity) if "vertically" in name else 0.0
                 still -= frame * fall
-        rows.append(Row("static loads", name, "static", factor * still, unit, remark=remark))
+        rows.append(Row(STATIC, name, "static", factor * still, unit, remark=remark))
         for sign, end in (("+", curve.largest.max()), ("-", curve.least.min())):
             value = factor * (still + site.factor * (float(end) - mean))
             words = f"{EQUIVALENT}, {sign} {site.factor:g} times what moves"
-            rows.append(Row("static loads", name, words, value, unit))
+            rows.append(Row(STATIC, name, words, value, unit))
+    return rows
+
+
+def _uplift(static: Sequence[Row], site: Site) -> list[Row]:
+    """Return what holds each support down, what lifts it, and the anchor force that it needs.
+
+    With the dead load G that a support carries, and the greatest force Z upwards of what moves,
+    times the dynamic factor, it presses with G - factor Z at least. Where that is below zero it
+    pulls, and anchors hold it with factor Z - G. A clamped frame has one support, if its mass is
+    known.
+    """
+    rows = []
+    for row in static:
+        frame = "with the frame" in row.remark
+        where = "frame" if frame else row.name.removeprefix("force of ").partition(",")[0]
+        if row.order != "static" or WAYS[1] not in row.name or not (frame or where in SUPPORTS[:2]):
+            continue
+        (most,) = (
+            r.value for r in static if r.name == row.name and f"{EQUIVALENT}, +" in str(r.order)
+        )
+        remark = "pulls: anchor it" if most > 0 else "presses at all times"
+        numbers = {
+            DEAD: -row.value,
+            LIFT: (most - row.value) / site.factor,
+            LEFT_OVER: -most,
+            ANCHOR: max(most, 0.0),
+        }
+        rows += [
+            Row(UPLIFT, where, words, value, row.unit, remark=remark if words == ANCHOR else "")
+            for words, value in numbers.items()
+        ]
     return rows
 
 
 def _harmonics(turns: Turns, curves: Curves, part: str, orders: int) -> list[Row]:
-    """Return the means of the pieces' amplitudes, with their standard errors."""
+    """Return the means of the pieces' amplitudes with their standard errors, and the RMS above."""
     rows = []
     for name, curve in curves.items():
         unit, factor = TRADE[curve.unit]
@@ -355,6 +402,9 @@ def _harmonics(turns: Turns, curves: Curves, part: str, orders: int) -> list[Row
             order, known = (i + 1) / turns.length, "" if turns.repeats else float(scatter)
             size, phase = float(np.abs(one)), float(np.angle(one))
             rows.append(Row(part, name, order, size, unit, phase, scatter=known))
+        powers = np.var(factor * curve.values, axis=1) - np.sum(np.abs(pieces) ** 2, axis=1) / 2
+        fast = np.sqrt(np.maximum(powers, 0.0))
+        rows.append(_of_pieces(turns, part, name, _above(orders), fast, unit))
     return rows
 
 
@@ -389,12 +439,16 @@ def _peaks(turns: Turns, curves: Curves, orders: int) -> list[Row]:
             _of_pieces(turns, "peaks", name, "greatest", factor * curve.largest, unit),
             _of_pieces(turns, "peaks", name, "least", factor * curve.least, unit),
             _of_pieces(turns, "peaks", name, RMS, rms, unit),
-            Row("peaks", name, _above(orders), max(float(share), 0.0), "%", scatter=scatter),
+            Row("peaks", name, _share_above(orders), max(float(share), 0.0), "%", scatter=scatter),
         ]
     return rows
 
 
 def _above(orders: int) -> str:
+    return f"RMS above order {orders}"
+
+
+def _share_above(orders: int) -> str:
     return f"power above order {orders}"
 
 
@@ -535,10 +589,13 @@ def _motion(
 
 def _verdicts(scene: Scene, rows: Sequence[Row], near: Sequence[Meeting], site: Site) -> list[Row]:
     """Return the overall grade with what decides it, and the resonances."""
-    part, running = "verdicts", running_frequency(scene)
+    part, running = VERDICTS, running_frequency(scene)
     close = [one for one in near if one.resonates]
     named = "; ".join(f"mode {one.mode + 1}: {one.words}" for one in close)
     found = [Row(part, "resonances", "", len(close), "1", remark=named or "none")]
+    pulls = [row for row in rows if row.order == ANCHOR and row.value > 0]
+    told = "; ".join(f"{row.name} by {row.value:.4g} {row.unit}" for row in pulls)
+    found.append(Row(part, "supports that pull", "", len(pulls), "1", remark=told or "none"))
     if outside := severity.outside_scope(running, site.power):
         return [Row(part, "overall zone", "", 60 * running, "rpm", remark=outside), *found]
     zones = [row for row in rows if row.remark.startswith("zone ")]

@@ -10,7 +10,7 @@ from jaxcrusher.scenes.parameters import NUMBERS, in_words, readable
 from jaxcrusher.scenes.plausibility import borrowed
 from jaxcrusher.scenes.units import said, unit_of
 from jaxcrusher.sheets.load_sheet import MOVING, Row, joint_states
-from jaxcrusher.sheets.severity import SOURCE
+from jaxcrusher.sheets.severity import REPLACED, SOURCE
 from optimize.answer import Answer, Confirmed
 from optimize.search.confirm import long_window
 from optimize.tell import words as formatting
@@ -167,7 +167,8 @@ def load_sheet(found: Answer) -> Table | None:
         for heading in sorted(part_of, key=lambda heading: parts.index(part_of[heading]))
     ]
     judged = any("zone" in row.remark for sheet in sheets for row in sheet.values())
-    zones = f" Zones of {SOURCE}." if judged else ""
+    unseen = f"its numbers could not be looked up, nor those of {REPLACED}"
+    zones = f" Zones of {SOURCE}; {unseen}." if judged else ""
     states = [
         f" Of the {name} the {joint_states(design.orbit.solution.scene)}."
         for name, design in found.designs.items()

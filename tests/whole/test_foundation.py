@@ -4,17 +4,18 @@ import csv
 import json
 import re
 
+import equinox as eqx
 import numpy as np
 import pytest
 from rich.console import Console
 
 import jaxcrusher as jc
-from jaxcrusher.commands import foundation
+from jaxcrusher.commands import foundation, load_page
 from jaxcrusher.commands.machines import read_machine
 from jaxcrusher.commands.options import Crusher, Foundation, Results
 from jaxcrusher.files.text import number
 from jaxcrusher.motion.turns import Turns
-from jaxcrusher.sheets.load_sheet import Row, Site, sheet
+from jaxcrusher.sheets.load_sheet import Row, Site, beside, sheet
 from tests.identification import by_hand
 
 BLOCK = (("foundation.mass", "6 t"), ("foundation.x", "0.3 m"), ("joint", "ideal"))
@@ -57,7 +58,7 @@ def test_files_of_a_sheet(tmp_path):
     text, html = console.export_text(), (folder / "sheet.html").read_text()
     for said in (
         *("Load sheet of a machine's foundation", "main bearing A is ideal, elbow B is ideal"),
-        *("foundation.mass 6 t", "foundation.base -600 mm", "motor_power", "overall zone"),
+        *("overall zone", "supports that pull", "anchor force", "RMS above order 2"),
         *(
             "ISO 10816-3:2009",
             "force of left support, vertically",
@@ -66,10 +67,14 @@ def test_files_of_a_sheet(tmp_path):
         ),
     ):
         assert said in text.replace("\n", " ") and said in html.replace("&#39;", "'"), said
-    # An ideal joint has no clearance, and there is one column.
-    assert "clearance" not in html and "|" not in html and "natural frequency of a mode" in html
+    # Ideal joints have one column, and inputs are told in words, those left to defaults apart.
+    assert "loose" not in html and "natural frequency of a mode" in html
     assert "Its marks are" not in html and "A mode is in resonance with an order" in html
-    assert "Its marks are" in foundation.page(scene, [], {"loose joints": "40 turns"}, "")
+    given, left = html.split("left to defaults")
+    assert "<b>6 t</b> foundation mass" in given and "<b>-600 mm</b> foundation base" in left
+    assert "from memory" not in html + text and "nobody could look up" in html
+    assert "DIN 4024-1" in html and "NIST GCR" not in html  # no soil
+    assert all(word in html for word in ("Signature", "Checked by", "counter(pages)"))
     # What excites the block is what a clamped machine exerts, and goes with the speed's square.
     pushed = by_hand.crusher({}, 30.0)["ground_force_y"][1]
     excited = row("exciting force, vertically", "1.0", "harmonics")
@@ -85,6 +90,7 @@ def test_a_loose_machine_has_two_columns_and_bounded_time(tmp_path, monkeypatch)
     drawn = []
     monkeypatch.setattr(foundation, "write_figure", lambda path, figure, **_: drawn.append(figure))
     monkeypatch.setattr(foundation.Path, "read_bytes", lambda _: b"")
+    html = tmp_path / "loose" / "sheet.html"
     options = Foundation(
         Crusher(overrides=(("load_law", "closing_stroke"), ("load_edge", "20 deg"))),
         orders=1,
@@ -96,7 +102,7 @@ def test_a_loose_machine_has_two_columns_and_bounded_time(tmp_path, monkeypatch)
     assert foundation.run(options, console) == 0
     text = " ".join(console.export_text().split())
     # Progress, and what the columns are.
-    assert "turn 1 to 5, settling" in text and "10 turns after 5; ideal | loose" in text
+    assert "turn 1 to 5, settling" in text and "10 turns after 5; loose ± standard" in text
     with (tmp_path / "loose" / "sheet.csv").open() as file:
         rows = {(r["name"], r["order"]): r for r in csv.DictReader(file)}
     peak = rows["exciting force, vertically", "greatest"]
@@ -111,7 +117,8 @@ def test_a_loose_machine_has_two_columns_and_bounded_time(tmp_path, monkeypatch)
     up = rows["force, vertically", "equivalent, + 3 times what moves"]
     low, high = float(up["lowest"]), float(up["highest"])
     assert low <= float(up["value"]) <= high and high - low > 1e-3 * high
-    assert f"({number(low)} to {number(high)})" in text
+    assert f"({number(low)} to {number(high)})" in html.read_text()
+    assert "Its marks are" in html.read_text()
     # The loose joints stand in the picture at the running speed, with the scatter of their turns.
     about = json.loads((tmp_path / "loose" / "sheet.json").read_text())
     turns = 1e-3 * np.array(about["loose_exciting_rms"])
@@ -164,38 +171,49 @@ def test_the_heading_has_the_load_that_there_is(given, told):
 
 
 def test_a_clamped_page_has_no_critical_speeds():
-    orbit = jc.periodic_orbit(jc.ideal_scene(30.0))
-    rows = sheet(orbit, 1, Site(frame_mass=1500.0))
-    page = foundation.page(orbit.scene, rows, {"machine": "mine"}, "")
-    assert "all joints ideal" in page and "natural frequency" not in page and "red" not in page
+    machine = read_machine(Crusher(overrides=(("joint", "ideal"),)))
+    rows = sheet(jc.periodic_orbit(machine.scene()), 1, Site(frame_mass=1500.0))
+    page = load_page.page(machine, rows, {"machine": 'a "machine"'}, {"sketch": "", "run_up": ""})
+    assert "all joints ideal" in page and "natural frequency" not in page and "in red" not in page
     assert page.count("with the frame of 1500 kg") == 2 and page.count("without the frame") == 2
+    # A name cannot end the style sheet's text.
+    assert "a \\22 machine\\22 " in page
 
 
 def test_numbers_of_a_page():
-    """No negative zero, one number where both columns agree, and a scatter that can be seen."""
+    """No negative zero, ideal joints apart from loose ones, and a scatter that can be seen."""
 
     def shown(value, **given):
-        lines = foundation.grids([Row("part", "force", 1.0, value, "kN", **given)])["part"]
-        return lines[-1][2]
+        return tuple(load_page.amount(Row("part", "force", 1.0, value, "kN", **given), abs(value)))
 
-    assert shown(-0.0, phase_rad=-1e-5) == "0"
-    assert shown(1.0, phase_rad=np.pi / 2, ideal=1.00001) == "1 at 90°"
-    assert shown(1.0, ideal=2.0, scatter=0.0123) == "2 | 1.000 ± 0.012"
-    assert shown(1.0, scatter=1e-6) == "1"
-    assert shown(3.0, lowest=1.5, highest=4.25, ideal=1.0) == "1 | 3 (1.5 to 4.25)"
+    assert shown(-0.0, phase_rad=-1e-5) == ("", "0", "")
+    assert shown(1.0, phase_rad=np.pi / 2, ideal=1.00001) == ("1", "1", "90°")
+    assert shown(1.0, ideal=2.0, scatter=0.0123) == ("2", "1.000 ± 0.012", "")
+    assert shown(1.0, scatter=1e-6) == ("", "1", "")
+    assert shown(3.0, lowest=1.5, highest=4.25, ideal=1.0) == ("1", "3\n(1.5 to 4.25)", "")
 
 
-def test_shares_have_their_unit_in_the_heading():
-    """Of a share nothing is seen below a twentieth of a percent, and no scatter of nothing."""
+def test_a_table_has_its_quantities_in_lines_and_a_spectrum_its_orders():
+    """Ideal and loose are columns; of a share nothing is seen below a twentieth of a percent."""
     rows = [
-        Row("part", name, order, value, unit, scatter=0.02 * value)
+        Row("part", name, order, value, unit, scatter=0.02 * value, ideal=value / 2)
         for name, share in (("much", 88.125), ("little", 0.04))
         for order, value, unit in (("RMS", 2.0, "kN"), ("fast", share, "%"))
     ]
-    heading, *lines = foundation.grids(rows)["part"]
-    assert heading == ("", "unit", "RMS", "fast, %", "")
-    assert [line[3] for line in lines] == ["88.1 ± 1.8", "0"]
-    assert [line[1] for line in lines] == ["kN", "kN"]
+    grid = load_page.by_name("title", rows, remarks=False)
+    assert grid.spans == [("", 2), ("RMS", 2), ("fast, %", 2)]
+    assert grid.headings == ["", "unit", "ideal", "loose", "ideal", "loose"]
+    assert [line[1:] for line in grid.lines] == [
+        ("kN", "1", "2.000 ± 0.040", "44.06", "88.1 ± 1.8"),
+        ("kN", "1", "2.000 ± 0.040", "0", "0"),
+    ]
+    orders = (1.0, 2.0, "RMS above order 2")
+    rows = [Row("harmonics", n, order, 3.0, "kN", 0.0, ideal=2.0) for n in "ab" for order in orders]
+    (grid,) = load_page.spectra("title", rows, lambda name: True)
+    assert grid.spans == [("", 1), ("a, kN", 3), ("b, kN", 3)]
+    assert grid.headings == ["", *("ideal", "loose", "phase") * 2]
+    assert [line[0] for line in grid.lines] == ["order 1", "order 2", "RMS above order 2"]
+    assert grid.lines[0] == ("order 1", "2", "3", "0°", "2", "3", "0°")
 
 
 def test_a_small_machine_has_numbers_too():
@@ -207,8 +225,43 @@ def test_a_small_machine_has_numbers_too():
             ("rounding", 1e-16, "kN m"),
         )
     ]
-    lines = {line[0]: line[2] for line in foundation.grids(rows)["part"]}
+    (grid,) = load_page.listed(rows)
+    lines = {line[0]: line[3] for line in grid.lines}
     assert lines == {"damper": "0.0004", "large": "20", "small": "0", "rounding": "0"}
+
+
+@pytest.mark.parametrize("key", ["shear_modulus", "shear_wave_speed"])
+def test_other_soil_has_other_springs(key):
+    """Half the modulus is that of a wave speed lower by the root of two."""
+    value, power = {"shear_modulus": ("60 MPa", 1.0), "shear_wave_speed": ("180 m/s", 0.5)}[key]
+    name = f"foundation.soil.{key}"
+    machine = read_machine(Crusher(overrides=(*BLOCK, (name, value))))
+    soft = foundation.soil_times(machine, 0.5)
+    expected = machine.scene(**{name: machine.values[name] * 0.5**power})
+    assert eqx.tree_equal(soft, expected)
+    assert machine.scene().supports.vertical_stiffness > 1.9 * soft.supports.vertical_stiffness
+    assert load_page.has_soil(machine.values) and not load_page.has_soil({"speed": 30.0})
+
+
+def test_other_soil_stands_in_columns():
+    def rows(size):
+        return [
+            Row("verdicts", "overall zone", "", size, "um", remark=f"zone {size:g}, rigid; more"),
+            Row("verdicts", "resonances", "", size, "1"),
+            Row("natural modes", "undamped frequency of mode 1", "", size, "Hz"),
+            Row("uplift", "left support", "anchor force", 10 * size, "kN"),
+        ]
+
+    grid = load_page.soils({"own": rows(2.0), "half": rows(1.0)})
+    assert grid is not None and grid.headings == ["", "unit", "own", "half"]
+    assert grid.lines == [
+        ("undamped frequency of mode 1", "Hz", "2", "1"),
+        ("left support, anchor force", "kN", "20", "10"),
+        ("overall zone", "", "zone 2", "zone 1"),
+        ("resonances", "", "2", "1"),
+    ]
+    (row,) = beside(rows(2.0)[3:], ideal=rows(2.0), softer=rows(1.0))
+    assert (row.ideal, row.softer, row.stiffer) == (20.0, 10.0, "")
 
 
 @pytest.mark.parametrize("damping", [2e4, 2e6])
