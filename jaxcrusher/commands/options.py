@@ -128,8 +128,9 @@ class Regimes:
     """Classify the motion of some designs: periodic, chaotic, whirl and so on.
 
     Writes OUT/NAME/regimes.json and regimes.nc after each design; the same command does not do
-    again what is done, and may name further designs. With the default turns about a minute for
-    the first design, most of it compilation, and 5 to 30 s for each of the others.
+    again what is done, and may name further designs. A grid of two ranges is drawn, regimes.png.
+    With the default turns about a minute for the first design, most of it compilation, and 5 to
+    30 s for each of the others.
     """
 
     crusher: Crusher = field(default_factory=Crusher)

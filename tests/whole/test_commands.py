@@ -10,6 +10,7 @@ import runpy
 import shlex
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
@@ -94,14 +95,22 @@ def test_the_angle_of_an_uneven_shaft_is_the_integral_of_its_speed():
     np.testing.assert_allclose(angle, turned, atol=1e-6)
 
 
-def test_the_picture_of_a_motion_names_clearances_and_speed():
-    scene = jc.build_scene({"clearance": 0.05e-3, "elbow.clearance": 0.1e-3})
+def test_the_picture_of_a_motion_names_clearances_and_what_is_drawn():
+    machine = jc.paper_machine(clearance=0.05e-3, **{"elbow.clearance": 0.1e-3})
+    scene = machine.scene()
     outputs = ("foundation_force", "eccentricity", "elbow_eccentricity")
     motion = jc.simulate(scene, np.linspace(0, 0.01, 5), outputs=outputs)
-    figure = simulate.draw(motion, scene, np.arange(5), {})
+    figure = simulate.draw(motion, scene, np.arange(5))
     titles = ["radial clearance 0.05 mm", "elbow: radial clearance 0.1 mm"]
-    assert [ax.get_title() for ax in figure.axes] == [*titles, said("speed", 30.0, {})]
+    assert [ax.get_title() for ax in figure.axes][:2] == titles
+    # The axis of time ends where the samples do.
+    assert figure.axes[2].get_xlim() == (0, 0.01)
     plt.close(figure)
+    told = f"{said('speed', 30.0, {})}, turns 8 to 10, start centred"
+    assert simulate.title(machine, 8.0, 10.0, motion, None) == told
+    for settled, words in ((True, "settled"), (False, "still settling")):
+        summary = SimpleNamespace(turns=2, settled=settled)
+        assert simulate.title(machine, 8.0, 10.0, motion, summary) == f"{told}, {words}"
 
 
 def test_simulate_says_what_the_motion_is(simulated):
@@ -659,9 +668,11 @@ def scene_file(folder: Path) -> Path:
 def test_a_picture_of_ideal_joints_has_no_empty_place(monkeypatch, tmp_path):
     kept = []
     monkeypatch.setattr(orbit, "write_figure", lambda path, figure, **_: kept.append(figure))
-    orbit.draw(jc.periodic_orbit(jc.ideal_scene(30.0)), tmp_path / "orbit.png")
+    orbit.draw(jc.periodic_orbit(jc.ideal_scene(30.0)), {}, tmp_path / "orbit.png")
     (ax,) = kept[0].axes
-    assert ax.get_ylabel() == "|R_O| + |R_C|, kN"
+    assert ax.get_ylabel() == "$|R_O| + |R_C|$ (kN)" and ax.get_xlim() == (0, 360)
+    title = kept[0].get_suptitle()
+    assert re.fullmatch(r"30 rad/s .* periodic orbit, RMS 19.1 kN, nothing oscillates", title)
 
 
 SOLVED = ("orbit", "--set", "speed", "27rad/s", "--set", "clearance", "5e-5 m")
