@@ -293,8 +293,9 @@ class Compare:
 class Identify:
     """Numbers of a machine from its measured vibration, and what the data cannot tell.
 
-    Writes OUT/NAME/identified.json and identified.png (measured and fitted amplitudes, ellipses of
-    the estimates). About a minute the first time, most of it compilation, and some seconds then.
+    Writes OUT/NAME/identified.json and identified.png (measured and fitted amplitudes, a corner
+    plot of the estimates). About a minute the first time, most of it compilation, and some seconds
+    then.
     """
 
     crusher: Crusher = field(default_factory=Crusher)

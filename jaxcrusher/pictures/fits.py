@@ -87,7 +87,8 @@ def _scaled(name: str, value: float, units: Mapping[str, str]) -> tuple[str, flo
         power_of = f"$10^{{{power}}}$"
         label = label.replace("(", f"({power_of} ") if "(" in label else f"{label} ({power_of})"
         size *= 10.0**power
-    return textwrap.fill(label, 18), size
+    words, bracket, unit = label.partition(" (")
+    return textwrap.fill(words, 18) + bracket.replace(" ", "\n") + unit, size
 
 
 def _marginal(ax: Axes, centre: float, spread: float, begin: float) -> None:

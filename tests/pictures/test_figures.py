@@ -229,7 +229,7 @@ def test_shadows_of_an_ellipse_are_the_standard_deviations():
     covariance = tie * np.outer(spread, spread)
     axes = plots.plot_corner(values, covariance, start={"jaw.mass": 510.0})
     (mass, above), (pair, stiffness) = axes
-    assert above.figure is None and pair.get_xlabel() == "jaw mass (kg)"
+    assert above.figure is None and pair.get_xlabel() == "jaw mass\n(kg)"
     one, two, centre, _ = pair.lines
     # In kg and 1e6 N/m, about the estimate, by 360 / 180 degrees: off by (pi / 180)^2 / 2 at most.
     for line, times in ((one, 1), (two, 2)):

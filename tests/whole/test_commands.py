@@ -356,6 +356,21 @@ def test_regimes_are_kept_one_by_one(tmp_path, verdicts):
     assert len(rows) == len(verdicts) - 6 > 0
 
 
+def test_regimes_of_two_ranges_are_drawn_where_they_belong(tmp_path, verdicts, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        regimes, "plot_regimes", lambda kinds, *_, **how: drawn.append((kinds, how))
+    )
+    line = ("regimes", "--out", tmp_path, "--over", "speed", 25, "40rad/s", 2)
+    assert "regimes.png" not in run(*line, "--name", "one")[1]
+    verdicts += [0.0, 0.0]  # beyond the interruption
+    status, text = run(*line, "--over", "clearance", 0.03, "0.12mm", 2)
+    assert status == 0 and text.rstrip().endswith(str(tmp_path / "regimes" / "regimes.png"))
+    (kinds, how), *more = drawn
+    assert not more and kinds.dims == ("speed", "clearance") and (kinds == "chaotic").all()
+    assert how["units"]["clearance"] == "mm" and kinds.speed.values.tolist() == [25.0, 40.0]
+
+
 def test_regimes_of_a_file_that_changed_are_found_anew(tmp_path, verdicts):
     curve = tmp_path / "load.csv"
     line = ("regimes", "--out", tmp_path, "--set", "load_law", "by_angle")
