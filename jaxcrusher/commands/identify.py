@@ -1,15 +1,13 @@
 """`python -m jaxcrusher identify`: numbers of a machine from its measured vibration."""
 
-import itertools
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
-from jaxtyping import Float
 from matplotlib.axes import Axes
 from rich.console import Console
-from scipy.stats import chi2
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.commands.machines import read_machine, settings_of
@@ -21,13 +19,14 @@ from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.identification.identify import Identified, identify
 from jaxcrusher.identification.measurements import taken
 from jaxcrusher.identification.model import quantities_of
+from jaxcrusher.pictures.fits import plot_corner
+from jaxcrusher.pictures.style import WIDTH, style
 from jaxcrusher.scenes.reader import require_continuous
 from jaxcrusher.scenes.units import typed_in
-from jaxcrusher.scenes.units import unit_of as shown_in
 
 FILES = ("identified.json", "identified.png")
 FURTHER = 3  # further measurements that are printed
-COLUMNS, ELLIPSES = 3, 3  # of the picture
+COLUMNS, CORNER = 2, 5  # of the picture: in a row, and numbers in the corner plot
 
 
 def run(options: Identify, console: Console) -> int:
@@ -77,7 +76,8 @@ def run(options: Identify, console: Console) -> int:
         | {"untold": [asdict(one) for one in found.untold], "remarks": found.remarks}
         | {"further": [asdict(one) for one in further]},
     )
-    draw(found, machine.units, folder / "identified.png")
+    start = {name: machine.number(name) for name in options.free}
+    draw(found, start, machine.units, folder / "identified.png")
     console.print(listed(folder, FILES))
     return 0
 
@@ -88,26 +88,34 @@ def amplitudes(found: Identified) -> list[float]:
     return [abs(fit) if one.is_harmonic else fit.real for one, fit in pairs]
 
 
-def draw(found: Identified, units: dict[str, str], path: Path) -> None:
-    """Draw measured and fitted amplitudes by observable, and ellipses of the most correlated."""
+def draw(found: Identified, start: Mapping[str, float], units: dict[str, str], path: Path) -> None:
+    """Draw measured and fitted amplitudes by observable, and the corner plot of what is known.
+
+    `start` has the values that the fit began with. Of many numbers the most correlated are shown.
+    """
     shown = list(
         dict.fromkeys(found.problem.quantities.observable(one.quantity) for one in found.measured)
     )
     names, tied = list(found.values), np.abs(found.correlations)
+    np.fill_diagonal(tied, 0.0)
     known = [i for i, name in enumerate(names) if found.known[name]]
-    pairs = sorted(itertools.combinations(known, 2), key=lambda pair: -tied[pair])[:ELLIPSES]
-    rows = -(-(len(shown) + len(pairs)) // COLUMNS)
-    size = {"figsize": (4.2 * COLUMNS, 3.4 * rows), "layout": "constrained"}
-    fig, axes = plt.subplots(rows, COLUMNS, squeeze=False, **size)
-    for ax, name in zip(axes.flat, shown, strict=False):
-        _draw_harmonics(ax, found, name)
-    for ax, (i, j) in zip(list(axes.flat)[len(shown) :], pairs, strict=False):
-        _draw_ellipse(
-            ax, found, (names[i], names[j]), found.covariance[np.ix_((i, j), (i, j))], units
-        )
-    for ax in list(axes.flat)[len(shown) + len(pairs) :]:
-        ax.set_axis_off()
-    write_figure(path, fig, dpi=120)
+    closest = sorted(known, key=lambda i: -tied[i, known].max())[:CORNER]
+    kept = sorted(closest)
+    rows = -(-len(shown) // COLUMNS)
+    heights = [2.3 * rows, *([1.2 + 1.2 * len(kept)] if kept else [])]
+    with plt.rc_context(style()):
+        fig = plt.figure(figsize=(WIDTH, sum(heights)), layout="constrained")
+        above, *below = fig.subfigures(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+        axes = above.subplots(rows, COLUMNS, squeeze=False)
+        for ax, name in zip(axes.flat, shown, strict=False):
+            _draw_harmonics(ax, found, name)
+        for ax in axes.flat[len(shown) :]:
+            ax.set_axis_off()
+        if kept:
+            values = {names[i]: found.values[names[i]] for i in kept}
+            spread = found.covariance[np.ix_(kept, kept)]
+            plot_corner(values, spread, below[0], start=start, units=units)
+        write_figure(path, fig)
 
 
 def _draw_harmonics(ax: Axes, found: Identified, name: str) -> None:
@@ -129,28 +137,4 @@ def _draw_harmonics(ax: Axes, found: Identified, name: str) -> None:
         ylabel=f"amplitude ({found.problem.quantities.unit(name)})",
     )
     ax.set_yscale("log")
-    ax.legend(fontsize=7, title="order; crosses: fitted", title_fontsize=7)
-
-
-def _draw_ellipse(
-    ax: Axes,
-    found: Identified,
-    names: tuple[str, str],
-    covariance: Float[np.ndarray, "2 2"],
-    units: dict[str, str],
-) -> None:
-    """Draw where two numbers lie together with a chance of 95 %."""
-    angle = np.linspace(0, 2 * np.pi, 181)
-    circle = np.sqrt(chi2.ppf(0.95, 2)) * np.stack([np.cos(angle), np.sin(angle)])
-    along, vectors = np.linalg.eigh(covariance)
-    # Of numbers that cannot be told apart rounding may leave a variance below zero.
-    around = vectors * np.sqrt(np.maximum(along, 0.0)) @ circle
-    places, labels = [], []
-    for name, part in zip(names, around, strict=True):
-        unit, size = shown_in(name, units)
-        places.append((found.values[name] + part) / size)
-        labels.append(f"{name} ({unit})" if unit else name)
-    ax.plot(*places)
-    ax.plot(*(place.mean() for place in places), "+", color="C0")
-    ax.set(xlabel=labels[0], ylabel=labels[1], title="95 % of both")
-    ax.locator_params(nbins=4)
+    ax.legend(title="order; x: fitted")

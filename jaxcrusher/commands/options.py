@@ -128,8 +128,9 @@ class Regimes:
     """Classify the motion of some designs: periodic, chaotic, whirl and so on.
 
     Writes OUT/NAME/regimes.json and regimes.nc after each design; the same command does not do
-    again what is done, and may name further designs. With the default turns about a minute for
-    the first design, most of it compilation, and 5 to 30 s for each of the others.
+    again what is done, and may name further designs. A grid of two ranges is drawn, regimes.png.
+    With the default turns about a minute for the first design, most of it compilation, and 5 to
+    30 s for each of the others.
     """
 
     crusher: Crusher = field(default_factory=Crusher)
@@ -336,8 +337,9 @@ class Compare:
 class Identify:
     """Numbers of a machine from its measured vibration, and what the data cannot tell.
 
-    Writes OUT/NAME/identified.json and identified.png (measured and fitted amplitudes, ellipses of
-    the estimates). About a minute the first time, most of it compilation, and some seconds then.
+    Writes OUT/NAME/identified.json and identified.png (measured and fitted amplitudes, a corner
+    plot of the estimates). About a minute the first time, most of it compilation, and some seconds
+    then.
     """
 
     crusher: Crusher = field(default_factory=Crusher)

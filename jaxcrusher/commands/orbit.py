@@ -1,12 +1,13 @@
 """`python -m jaxcrusher orbit`: the periodic orbit, solved for, and its slopes by every number."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from jaxtyping import Scalar
@@ -22,11 +23,18 @@ from jaxcrusher.files.progress import stages
 from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed, write_figure, write_json
 from jaxcrusher.files.resume import begin_beside
-from jaxcrusher.files.text import number, to_error
+from jaxcrusher.files.text import number, quantity, to_error
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.simulation import leading_force
 from jaxcrusher.orbits.result import PeriodicOrbit
-from jaxcrusher.pictures.plots import force_size, pins_and_force
+from jaxcrusher.pictures.motions import (
+    coincide,
+    entitle,
+    pins_and_force,
+    plot_difference,
+    plot_force,
+)
+from jaxcrusher.pictures.style import style
 from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.parameters import Parameter, numbers_of
 from jaxcrusher.scenes.units import per, said, unit_of
@@ -83,7 +91,7 @@ def run(options: Orbit, console: Console) -> int:
     seen = history(orbit)
     for name in written[1:-1]:
         write_dataset(folder / name, seen)
-    draw(orbit, folder / "orbit.png")
+    draw(orbit, found.units, folder / "orbit.png")
     for line in summary(orbit):
         console.print(line)
     marked = borrowed_by(options.crusher, found)
@@ -124,20 +132,37 @@ def history(orbit: PeriodicOrbit) -> xr.Dataset:
     return table_of.dataset(("angle",), values, columns, coordinates)
 
 
-def draw(orbit: PeriodicOrbit, path: Path) -> None:
+def draw(orbit: PeriodicOrbit, units: Mapping[str, str], path: Path) -> None:
     """Each pin in its bore, and the force on the foundation beside that of ideal joints."""
     angles = 2 * np.pi * np.arange(ANGLES * orbit.period + 1) / ANGLES
-    names = [f"{orbit.scene.prefix(joint)}eccentricity" for joint in orbit.scene.joints.names]
-    shown = leading_force(orbit.scene)
+    scene = orbit.scene
+    shown, leading = leading_force(scene), scene.leading
+    names = [f"{scene.prefix(joint)}eccentricity" for joint in scene.joints.names]
     seen = orbit.motion(angles, (shown, *names))
-    ideal = jc.periodic_orbit(orbit.scene.ideal()).motion(angles, (shown,))
-    fig, force = pins_and_force(orbit.scene, seen)
-    force.plot(np.degrees(angles), force_size(seen[shown]), label="periodic orbit")
-    force.plot(np.degrees(angles), force_size(ideal[shown]), ":", label="ideal joints")
-    words = orbit.scene.observables[shown].meaning
-    force.set(xlabel="shaft angle at mean speed, degrees", ylabel=f"{words}, kN")
-    force.legend()
-    write_figure(path, fig, dpi=120)
+    ideal = jc.periodic_orbit(scene.ideal()).motion(angles, (shown,)) if names else None
+    told = [said("speed", float(scene.drive.speed), units), turns_of(orbit)]
+    told.append(f"RMS {quantity(float(orbit[leading]), scene.statistics[leading].unit)}")
+    with plt.rc_context(style()):
+        fig, force = pins_and_force(scene, seen)
+        plot_force(seen, ideal, force, angles=angles, label="periodic orbit")
+        if ideal is not None and coincide(force):
+            plot_difference(force)
+        entitle(fig, ", ".join([*told, settling(orbit)]))
+        write_figure(path, fig)
+
+
+def turns_of(orbit: PeriodicOrbit) -> str:
+    """Name an orbit by its turns."""
+    return "periodic orbit" if orbit.period == 1 else f"periodic orbit of {orbit.period} turns"
+
+
+def settling(orbit: PeriodicOrbit) -> str:
+    """Say how fast disturbances of an orbit die, or that they grow."""
+    if orbit.eccentricity is None:
+        return "nothing oscillates"
+    if bool(orbit.undecided):
+        return "it is not known whether the motion is stable"
+    return f"settles in {number(float(orbit.settling_turns))} turns" if orbit.stable else "unstable"
 
 
 def summary(orbit: PeriodicOrbit) -> list[str]:
@@ -158,14 +183,9 @@ def summary(orbit: PeriodicOrbit) -> list[str]:
     if orbit.scene.steady() is not orbit.scene:
         lines.append(ROUGH)
     if orbit.eccentricity is None:
-        return [*lines, "ideal joints: nothing oscillates"]
+        return [*lines, f"ideal joints: {settling(orbit)}"]
     moduli = ", ".join(f"{abs(value):.6f}" for value in np.asarray(orbit.multipliers))
-    settles = "unstable"
-    if bool(orbit.undecided):
-        settles = "it is not known whether the motion is stable"
-    elif bool(orbit.stable):
-        settles = f"settles in {number(float(orbit.settling_turns))} turns"
-    lines.append(f"multipliers {moduli} a period: {settles}")
+    lines.append(f"multipliers {moduli} a period: {settling(orbit)}")
     lines += [orbit.instability] if orbit.instability else []
     if np.isfinite(orbit.least_penetration):
         lines.append(f"least penetration {float(orbit.least_penetration):.4g} clearances")

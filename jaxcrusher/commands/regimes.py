@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from rich.console import Console
@@ -19,17 +20,20 @@ from jaxcrusher.dynamics.regime import LEAST_TURNS, Regime
 from jaxcrusher.files import table
 from jaxcrusher.files.progress import progress
 from jaxcrusher.files.provenance import provenance, versions
-from jaxcrusher.files.results import results_folder, write_json, write_netcdf
+from jaxcrusher.files.results import listed, results_folder, write_figure, write_json, write_netcdf
 from jaxcrusher.files.resume import earlier, keep_beside
 from jaxcrusher.files.table import Column, columns_of
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.statistics import of_whirl
+from jaxcrusher.pictures.maps import plot_regimes
+from jaxcrusher.pictures.style import WIDTH, style
 from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.own_laws import with_digests
 from jaxcrusher.scenes.parameters import CHAMBER, SITE, Parameter, key_of
 from jaxcrusher.scenes.reader import read_text
 from jaxcrusher.scenes.units import all_said, units_of
 
+FILES = "regimes.json", "regimes.nc", "regimes.png"
 # The numbers of a row, besides statistics.
 COLUMNS = {
     "period": Column("1", "turns after which the motion repeats"),
@@ -62,7 +66,7 @@ def run(options: Regimes, console: Console) -> int:
     settings = settings_of("regimes", found, varied=varied, **fixed)
     settings["scene"] = {n: value for n, value in settings["scene"].items() if n not in varied}
     folder = results_folder(options.results.folder)
-    keep_beside(folder / "regimes.json", settings, "regimes.nc")
+    keep_beside(folder / "regimes.json", settings, *FILES[1:])
     kept = earlier(folder / "regimes.json", settings, "name")
     # Laws and files of one's own that have changed since make other designs of the same names.
     told, done = [with_digests(design) for design in designs], kept["rows"] if kept else []
@@ -98,8 +102,15 @@ def run(options: Regimes, console: Console) -> int:
     failed = sum(row["regime"] == "failed" for row in asked)
     remark = f", {failed} failed" if failed else ""
     plural = "s" * (len(asked) != 1)
-    files = f"{folder / 'regimes.json'}, {folder / 'regimes.nc'}"
-    console.print(f"{len(asked)} design{plural}{remark}; {files}")
+    over = list(designs[0]) if options.over else []
+    written = FILES[:2]
+    if len(over) == 2 and not set(over) & set(found.choices):
+        with plt.rc_context(style()):
+            fig, ax = plt.subplots(figsize=(WIDTH, 3.6), layout="constrained")
+            plot_regimes(on_grid(asked), ax, units=units)
+            write_figure(folder / "regimes.png", fig)
+        written = FILES
+    console.print(f"{len(asked)} design{plural}{remark}; {listed(folder, written)}")
     return 1 if failed else 0
 
 
@@ -117,6 +128,16 @@ def read_designs(options: Regimes, found: Machine) -> list[dict[str, Any]]:
     for design in designs:
         require(list(design) == list(designs[0]), "design", must, ", ".join(design))
     return designs
+
+
+def on_grid(rows: list[dict]) -> xr.DataArray:
+    """Return the kinds of motion of designs that are a product of two ranges, over both."""
+    axes = {
+        name: list(dict.fromkeys(row["design"][name] for row in rows)) for name in rows[0]["design"]
+    }
+    shape = [len(values) for values in axes.values()]
+    kinds = np.array([row["regime"] for row in rows]).reshape(shape)
+    return xr.DataArray(kinds, axes, list(axes))
 
 
 def dataset(

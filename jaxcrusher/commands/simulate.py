@@ -7,6 +7,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import matplotlib.pyplot as plt
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
@@ -29,7 +30,15 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.method import require_tolerance
 from jaxcrusher.motion.simulation import Trajectory, leading_force
 from jaxcrusher.motion.statistics import Statistics
-from jaxcrusher.pictures import plots
+from jaxcrusher.pictures.motions import (
+    coincide,
+    entitle,
+    pins_and_force,
+    plot_difference,
+    plot_force,
+)
+from jaxcrusher.pictures.style import style
+from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.units import said
 
 # Simulated unless told otherwise, and, of these, drawn: the last ones.
@@ -76,13 +85,16 @@ def run(options: Simulate, console: Console) -> int:
         kept = dataset(motion, scene, values)
         for name in written[:-1]:
             write_dataset(folder / name, kept)
-        bars.update(bar, completed=1, description="figure")
-        drawn = times >= (0 if motion.failure else times[-1] - DRAWN * turn)
-        write_figure(folder / "motion.png", draw(motion, scene, drawn, found.units))
-        bars.update(bar, completed=2, description="statistics")
+        bars.update(bar, completed=1, description="statistics")
         summary = None
         if bool(motion.success) and whole >= 1:
             summary = _statistics(scene, settle, whole, options.rtol)
+        bars.update(bar, completed=2, description="figure")
+        first = 0.0 if motion.failure else max(span - DRAWN, 0.0)
+        with plt.rc_context(style()):
+            figure = draw(motion, scene, times >= first * turn)
+            entitle(figure, title(found, first, span, motion, summary))
+            write_figure(folder / "motion.png", figure)
         bars.update(bar, completed=3, description="simulation")
     failure = motion.failure or (summary.failure if summary else "")
     if failure:
@@ -142,21 +154,35 @@ def dataset(motion: Trajectory, scene: Scene, values: dict[str, Any]) -> xr.Data
     return table_of.dataset(("time",), arrays, kept, coordinates, attributes)
 
 
-def draw(motion: Trajectory, scene: Scene, drawn: np.ndarray, units: dict[str, str]) -> Figure:
+def draw(motion: Trajectory, scene: Scene, drawn: np.ndarray) -> Figure:
     """An orbit for each joint with clearance, and the leading force, at the instants `drawn`."""
     shown, joints = leading_force(scene), scene.joints.names
     names = (shown, *(f"{scene.prefix(joint)}eccentricity" for joint in joints))
     seen = {name: motion[name][drawn] for name in names}
     part = Trajectory(motion.time[drawn], motion.outcome, seen)
-    fig, ax = plots.pins_and_force(scene, part)
-    if joints:
-        ideal = jc.simulate(scene.ideal(), part.time, outputs=(shown,))
-        speed = said("speed", float(scene.drive.speed), units)
-        plots.plot_force(part, ideal, ax).set_title(speed)
-    else:
-        plots.plot_force(part, ax=ax).set_title("ideal joint")
-        ax.legend().remove()
+    fig, ax = pins_and_force(scene, part)
+    if not joints:
+        plot_force(part, ax=ax, label="ideal joint")
+        return fig
+    plot_force(part, jc.simulate(scene.ideal(), part.time, outputs=(shown,)), ax)
+    if coincide(ax):
+        plot_difference(ax)
     return fig
+
+
+def title(
+    machine: Machine, first: float, last: float, motion: Trajectory, summary: Statistics | None
+) -> str:
+    """Say the speed, which turns are drawn, how the motion began, and whether it has settled."""
+    values = machine.values
+    parts = [said("speed", values["speed"], machine.units), f"turns {first:g} to {last:g}"]
+    if machine.scene().joints.names and "start" in values:
+        parts.append(f"start {values['start']}")
+    if motion.failure:
+        parts.append("failed")
+    elif summary is not None and summary.turns > 1:
+        parts.append("settled" if bool(summary.settled) else "still settling")
+    return ", ".join(parts)
 
 
 def scattered(summary: Statistics, leading: str) -> str:

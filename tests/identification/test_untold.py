@@ -52,8 +52,8 @@ def test_what_cannot_be_told_stays_near_its_start(found):
 
 
 def test_a_picture_of_what_cannot_be_told_is_drawn(found, tmp_path):
-    """Without the ellipse of two numbers, the covariance of which is singular."""
-    draw(found, {}, tmp_path / "identified.png")
+    """Without the numbers that have no standard deviation."""
+    draw(found, FREE, {}, tmp_path / "identified.png")
     assert (tmp_path / "identified.png").exists()
 
 

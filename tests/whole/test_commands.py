@@ -10,6 +10,7 @@ import runpy
 import shlex
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
@@ -96,14 +97,22 @@ def test_the_angle_of_an_uneven_shaft_is_the_integral_of_its_speed():
     np.testing.assert_allclose(angle, turned, atol=1e-6)
 
 
-def test_the_picture_of_a_motion_names_clearances_and_speed():
-    scene = jc.build_scene({"clearance": 0.05e-3, "elbow.clearance": 0.1e-3})
+def test_the_picture_of_a_motion_names_clearances_and_what_is_drawn():
+    machine = jc.paper_machine(clearance=0.05e-3, **{"elbow.clearance": 0.1e-3})
+    scene = machine.scene()
     outputs = ("foundation_force", "eccentricity", "elbow_eccentricity")
     motion = jc.simulate(scene, np.linspace(0, 0.01, 5), outputs=outputs)
-    figure = simulate.draw(motion, scene, np.arange(5), {})
+    figure = simulate.draw(motion, scene, np.arange(5))
     titles = ["radial clearance 0.05 mm", "elbow: radial clearance 0.1 mm"]
-    assert [ax.get_title() for ax in figure.axes] == [*titles, said("speed", 30.0, {})]
+    assert [ax.get_title() for ax in figure.axes][:2] == titles
+    # The axis of time ends where the samples do.
+    assert figure.axes[2].get_xlim() == (0, 0.01)
     plt.close(figure)
+    told = f"{said('speed', 30.0, {})}, turns 8 to 10, start centred"
+    assert simulate.title(machine, 8.0, 10.0, motion, None) == told
+    for settled, words in ((True, "settled"), (False, "still settling")):
+        summary = SimpleNamespace(turns=2, settled=settled)
+        assert simulate.title(machine, 8.0, 10.0, motion, summary) == f"{told}, {words}"
 
 
 def test_simulate_says_what_the_motion_is(simulated):
@@ -347,6 +356,21 @@ def test_regimes_are_kept_one_by_one(tmp_path, verdicts):
     assert [row["design"]["speed"] for row in json.loads(kept.read_text())["rows"]][-1] == 45.0
     rows = json.loads((tmp_path / "regimes" / "regimes.json").read_text())["rows"]
     assert len(rows) == len(verdicts) - 6 > 0
+
+
+def test_regimes_of_two_ranges_are_drawn_where_they_belong(tmp_path, verdicts, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(
+        regimes, "plot_regimes", lambda kinds, *_, **how: drawn.append((kinds, how))
+    )
+    line = ("regimes", "--out", tmp_path, "--over", "speed", 25, "40rad/s", 2)
+    assert "regimes.png" not in run(*line, "--name", "one")[1]
+    verdicts += [0.0, 0.0]  # beyond the interruption
+    status, text = run(*line, "--over", "clearance", 0.03, "0.12mm", 2)
+    assert status == 0 and text.rstrip().endswith(str(tmp_path / "regimes" / "regimes.png"))
+    (kinds, how), *more = drawn
+    assert not more and kinds.dims == ("speed", "clearance") and (kinds == "chaotic").all()
+    assert how["units"]["clearance"] == "mm" and kinds.speed.values.tolist() == [25.0, 40.0]
 
 
 def test_regimes_of_a_file_that_changed_are_found_anew(tmp_path, verdicts):
@@ -677,9 +701,11 @@ def scene_file(folder: Path) -> Path:
 def test_a_picture_of_ideal_joints_has_no_empty_place(monkeypatch, tmp_path):
     kept = []
     monkeypatch.setattr(orbit, "write_figure", lambda path, figure, **_: kept.append(figure))
-    orbit.draw(jc.periodic_orbit(jc.ideal_scene(30.0)), tmp_path / "orbit.png")
+    orbit.draw(jc.periodic_orbit(jc.ideal_scene(30.0)), {}, tmp_path / "orbit.png")
     (ax,) = kept[0].axes
-    assert ax.get_ylabel() == "|R_O| + |R_C|, kN"
+    assert ax.get_ylabel() == "$|R_O| + |R_C|$ (kN)" and ax.get_xlim() == (0, 360)
+    title = kept[0].get_suptitle()
+    assert re.fullmatch(r"30 rad/s .* periodic orbit, RMS 19.1 kN, nothing oscillates", title)
 
 
 SOLVED = ("orbit", "--set", "speed", "27rad/s", "--set", "clearance", "5e-5 m")
