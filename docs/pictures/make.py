@@ -39,7 +39,6 @@ def main(out: Path = Path("results/pictures")) -> None:
     """
     import matplotlib.pyplot as plt
     import numpy as np
-    from block import plot_block
     from geometry import plot_geometry
     from slopes import plot_slopes
 
@@ -49,6 +48,7 @@ def main(out: Path = Path("results/pictures")) -> None:
     from jaxcrusher.pictures import plots
     from jaxcrusher.pictures.mechanism import DRAWN, plot_mechanism
     from jaxcrusher.pictures.plots import WIDTH
+    from jaxcrusher.pictures.site_sketch import draw_site
     from jaxcrusher.scenes.build import build_linkage
 
     folder = results_folder(out)
@@ -69,7 +69,7 @@ def main(out: Path = Path("results/pictures")) -> None:
     write_figure(folder / "bearings.png", bearings())
     write_figure(folder / "linkages.png", linkages(), dpi=70)
     write_figure(folder / "loose_guide.png", loose_guide(), dpi=90)
-    write_figure(folder / "block.png", plot_block(jc.build_scene({"joint": "ideal"} | BLOCK)))
+    write_figure(folder / "block.png", draw_site(jc.build_scene({"joint": "ideal"} | BLOCK)))
     write_figure(folder / "loads.png", loads())
     write_figure(folder / "identified.png", identified())
     write_figure(folder / "slopes.png", plot_slopes())

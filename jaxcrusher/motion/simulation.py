@@ -158,7 +158,8 @@ class Trajectory(AbstractNamed, eqx.Module, ObservableNames):
         return rows
 
     def _picture(self) -> str:
-        scalars = [name for name, of in self.values.items() if np.shape(of) == self.time.shape]
+        shape = self.time.shape
+        scalars = [n for n, of in self.values.items() if getattr(of, "shape", None) == shape]
         if not self._is_one or not scalars:
             return ""
         name = next((name for name in LEADING_FORCES if name in scalars), scalars[0])

@@ -13,7 +13,8 @@ from jaxcrusher.basics.checks import require
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.pictures.mechanism import Drawing
-from jaxcrusher.pictures.plots import BLUE, FORCE, ORANGE, force_size
+from jaxcrusher.pictures.motions import force_size
+from jaxcrusher.pictures.style import BLUE, FORCE, ORANGE
 
 # Inches, and the type in points: at a width of 700 pixels it is 11 pixels high.
 SIZE, TYPE = (9.6, 4.4), 10.5

@@ -105,8 +105,8 @@ def test_motions(statistics):
 
 def test_orbits(orbit):
     check_told(orbit, "stable", "each turn", "inside the contact model", pictures=2)
-    assert re.search(r"foundation_rms +19\.102346 ± 1\.9e-05 kN +RMS of", repr(orbit))
-    assert re.search(r"largest_multiplier +0\.500000 ± 1e-05\n", repr(orbit))
+    assert re.search(r"foundation_rms +19\.1023 ± 1\.9e-05 kN +RMS of", repr(orbit))
+    assert re.search(r"largest_multiplier +0\.500000 ± 0\.000010\n", repr(orbit))
     outside = dataclasses.replace(orbit, validity=Validity(clearance_ratio=jnp.asarray(0.5)))
     first, *_ = repr(outside).splitlines()
     assert "repeats each turn, OUTSIDE the contact model: clearance 0.5" in first
@@ -158,7 +158,7 @@ def test_what_jax_traces_is_said_in_a_line(orbit, statistics):
         jax.eval_shape(lambda one: seen.append((repr(one), one._repr_html_())), told)  # noqa: B023
         numbers, others = eqx.partition(told, eqx.is_inexact_array)
         seen += [(repr(one), one._repr_html_()) for one in (others, jax.tree.map(bool, others))]
-        assert seen[0][0] == line and line in seen[0][1]
+        assert seen[0][0].startswith(line) and line in seen[0][1]
         assert all(len(text.splitlines()) <= MOST_LINES for text, _ in seen)
         # It is the same PyTree as ever.
         assert eqx.tree_equal(eqx.combine(numbers, others), told)
