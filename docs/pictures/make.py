@@ -73,8 +73,39 @@ def main(out: Path = Path("results/pictures")) -> None:
     write_figure(folder / "loads.png", loads())
     write_figure(folder / "identified.png", identified())
     write_figure(folder / "slopes.png", plot_slopes())
+    write_figure(folder / "gallery.png", gallery())
     # As `python -m jaxcrusher orbit --set clearance "0.05 mm"` writes it.
     draw(jc.periodic_orbit(jc.build_scene({"clearance": 0.05e-3})), folder / "orbit.png")
+
+
+def gallery() -> Figure:
+    """Draw orders, multipliers, phase portrait and Campbell diagram of a crusher on soft mounts."""
+    import matplotlib.pyplot as plt
+    import numpy as np
+
+    import jaxcrusher as jc
+    from jaxcrusher.pictures import plots
+
+    mounts = {"foundation.horizontal_stiffness": 8e6, "foundation.vertical_stiffness": 12e6}
+    mounts |= {"foundation.horizontal_damping": 2e4, "foundation.vertical_damping": 3e4}
+    machine = jc.paper_machine(**BLOCK, **mounts)
+    orbit = jc.periodic_orbit(machine.scene())
+    still = [
+        jc.periodic_orbit(machine.scene(joint="ideal", speed=w)) for w in np.arange(16.0, 41.0)
+    ]
+    spectra = [jc.harmonics(one, 4, outputs=("transmitted_force",)) for one in still]
+    fast = jc.paper_scene(35.0, 0.3e-3, start="contact", load_law="closing_stroke", load=30e3)
+    turn = 2 * np.pi / 35.0
+    flying = jc.simulate(fast, turn * np.linspace(4, 6, 4001), outputs=("eccentricity",))
+    with plt.rc_context(plots.STYLE):
+        fig, axes = plt.subplots(2, 2, figsize=(plots.WIDTH, 5.6), layout="constrained")
+        plots.plot_orders(jc.harmonics(orbit, 4), axes[0, 0])
+        plots.plot_multipliers(orbit.multipliers, axes[0, 1], error=float(orbit.multipliers_error))
+        plots.plot_phase(flying, 0.3e-3, axes[1, 0])
+        natural = jc.natural_modes(orbit.scene).frequency.to_numpy()
+        plots.plot_campbell(spectra, "transmitted_force_y", axes[1, 1], natural=natural)
+        fig.draw_without_rendering()  # square axes have their place after a first layout
+    return fig
 
 
 def film(folder: Path) -> None:
