@@ -27,6 +27,7 @@ from jaxcrusher.files.table import COLUMNS, columns_of, dataset
 from jaxcrusher.files.text import measured
 from jaxcrusher.files.told import Row, Summary, Told, said
 from jaxcrusher.mechanism.scene import Scene
+from jaxcrusher.orbits.forced import unrepeatable
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.scene_problems import orbit_of, problem_of
@@ -236,6 +237,8 @@ def orbit_branch(
     scale = abs(value) / 30 if scale is None else scale
     require_positive("scale", scale, "")
     scene = traced(machine_of(machine).over(name), jnp.asarray(value, float))
+    if refused := unrepeatable(scene(jnp.asarray(value, float))):
+        raise ValueError(f"Argument `machine` must {refused}.")
     if isinstance(start, Departure):
         begin = start if nodes is None else start.with_nodes(nodes)
     else:

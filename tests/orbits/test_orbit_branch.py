@@ -114,6 +114,8 @@ def test_refusals():
         jc.orbit_branch(scene, "speed", 30.0, (31.0, 32.0))
     with pytest.raises(ValueError, match="`points` must be a whole number"):
         jc.orbit_branch(scene, "speed", 30.0, (29.0, 32.0), points=0)
+    with pytest.raises(ValueError, match="`machine` must have a constant impact velocity, but tr"):
+        jc.orbit_branch(jc.paper_machine(impact_law="tracked"), "speed", 30.0, (29.0, 32.0))
     lost = missing(jc.paper_scene(30.0, 0.1e-3), 2, RESULTS.not_closed)
     with pytest.raises(ValueError, match="`period` must be the guess's 2, but is 1"):
         jc.orbit_branch(scene, "speed", 30.0, (29.0, 32.0), period=1, guess=lost)
