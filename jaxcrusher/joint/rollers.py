@@ -226,8 +226,9 @@ class RollerBearing(AbstractBearing):
         return self.roller_diameter * raceway / (2 * (self.roller_diameter + raceway))
 
 
-SOURCE_OF_CLASSES = "ISO 5753-1, spherical roller bearings with a cylindrical bore, from memory"
+SOURCE_OF_CLASSES = "ISO 5753-1:2009, spherical roller bearings with a cylindrical bore"
 # Bore over and up to, mm -> bounds between C2, normal, C3, C4 and C5, um, of the diametral play.
+# SKF's chart of the norm agrees up to a bore of 355 mm, but for 185 as the end of C5 up to 80 mm.
 _OVER = (24, 30, 40, 50, 65, 80, 100, 120, 140, 160, 180, 200, 225, 250, 280, 315, 355, 400, 450)
 _UP_TO = (*_OVER[1:], 500)
 _BOUNDS = (
