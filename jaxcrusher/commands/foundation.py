@@ -38,6 +38,7 @@ from jaxcrusher.files.provenance import provenance
 from jaxcrusher.files.results import listed as listed_files
 from jaxcrusher.files.results import write_figure, write_json, write_table, write_text
 from jaxcrusher.files.resume import begin_beside
+from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.reductions import require_orders
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.supports import Clamped
@@ -246,7 +247,10 @@ def run_up(scene: Scene, speeds: np.ndarray) -> dict[str, np.ndarray]:
     still, supports = quiet(scene), scene.supports
     held, loads = still, list(CURVES)[:1]
     if supports is not None:
-        held, loads = dataclasses.replace(still, foundation=Clamped(supports.point)), list(CURVES)
+        clamped = Clamped(supports.point)
+        # Nothing moves at the points of a frame at rest.
+        held = dataclasses.replace(still, foundation=clamped, points=Named())
+        loads = list(CURVES)
 
     @eqx.filter_jit
     def at(speed: Scalar) -> list[Array]:

@@ -83,7 +83,7 @@ class Film:
             ax.legend(loc="upper center", ncols=2, columnspacing=1.0, frameon=False)
         self.cursor = ax.axvline(0, color="0.3", linewidth=1)
         (self.dot,) = ax.plot([], [], "o", color=BLUE, markeredgecolor="k")
-        words = f"${FORCE}$" if force == "foundation_force" else scene.observables[force].meaning
+        words = FORCE if force == "foundation_force" else scene.observables[force].meaning
         ax.set(xlabel="shaft angle, degrees", title=f"{words}, kN")
         ax.set(xlim=(self.angle[0], self.angle[-1]), ylim=(0, None))
         # Room for the legend.

@@ -12,7 +12,7 @@ from benchmarks.peers.any_linkage import AnyLinkage
 from benchmarks.stability.mechanisms import FAMILIES, mechanism
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-TIMES = np.linspace(0, 0.03, 601)
+TIMES = np.linspace(0, 0.024, 481)
 # The loose joint, and angles some 10 deg off those at which the bars stand at the crank's angle 0.
 ABOUT = {"four_bar": ("B", [0.0, 1.0, 1.8]), "six_bar": ("C", [0.0, 0.1, 0.1, 1.4, -1.4])}
 
@@ -22,7 +22,7 @@ ABOUT = {"four_bar": ("B", [0.0, 1.0, 1.8]), "six_bar": ("C", [0.0, 0.1, 0.1, 1.
 @pytest.mark.parametrize("name", ABOUT)
 @pytest.mark.parametrize("formulation", ["eccentricity", "multiplier"])
 def test_impacts_by_free_bodies(name, formulation):
-    """Some ten impacts in 30 ms, pointwise, of two bars and of a triad."""
+    """Eight impacts and more in 24 ms, pointwise, of two bars and of a triad."""
     loose, about = ABOUT[name]
     # The peer's contact law has its speeds of friction fixed at these. Nothing presses the pin.
     changed = {f"joints.{loose}.static_speed": 0.1, f"joints.{loose}.full_speed": 1.0}
@@ -37,7 +37,8 @@ def test_impacts_by_free_bodies(name, formulation):
     assert bool(motion.success), motion.failure
     assert np.sum(np.diff((force > 0).astype(int)) > 0) >= 5
     # Corners of contact and friction are sharp by hand, and rounding of 1e-16 m of 0.3 m is 1e-12
-    # clearances; both grow a hundred times and more over the impacts.
+    # clearances; both grow a hundred times and more over the impacts. After 30 ms processors of two
+    # makers are 5e-6 and 1.6e-5 clearances off.
     off = np.abs(motion[f"{loose}_eccentricity"] - hand[f"{loose}_eccentricity"]).max()
     assert off < 1e-5 * 1e-4
     for joint in hand:

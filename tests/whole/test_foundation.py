@@ -22,6 +22,7 @@ BLOCK = (("foundation.mass", "6 t"), ("foundation.x", "0.3 m"), ("joint", "ideal
 CORNER = ("foundation.points.the corner", "1.2 m, -500 mm")
 
 
+@pytest.mark.slow  # the page and its two soils have cheaper tests
 def test_files_of_a_sheet(tmp_path):
     console = Console(record=True, width=100)
     options = Foundation(
