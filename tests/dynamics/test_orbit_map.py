@@ -15,6 +15,7 @@ from tests.processes import ended
 SLOPES, PAPER = ("speed", "clearance"), jc.paper_machine()
 
 
+@pytest.mark.slow  # 27 s of a slow processor
 def test_cells_against_known_orbits():
     """As published for 10 000 turns and for single orbits; slopes as those of `periodic_orbit`."""
     axes = {"speed": [25.0, 27.0, 30.0], "clearance": [0.03e-3, 0.05e-3, 0.06e-3]}

@@ -58,6 +58,7 @@ def truth(name, free):
     return np.array([(by_hand.LINKS | MACHINES[name][0])[number] for number in free])
 
 
+@pytest.mark.slow  # 27 s of a slow processor
 @pytest.mark.parametrize("name", MACHINES)
 def test_exact_data_give_back_the_numbers(name):
     machine, exact, free = MACHINES[name]

@@ -73,6 +73,7 @@ def places(linkage, numbers):
     return jnp.stack(found)
 
 
+@pytest.mark.slow  # 27 s of a slow processor
 @pytest.mark.parametrize("name", TRIADS)
 def test_slopes_and_second_slopes_are_those_of_differences(linkages, name):
     """By the implicit function theorem, though Newton's steps are differentiated.

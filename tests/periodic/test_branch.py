@@ -69,6 +69,7 @@ def test_folds_of_duffings_equation(numbers, bounds, folds, amplitudes):
     assert passes == 3
 
 
+@pytest.mark.slow  # 27 s of a slow processor
 def test_a_fold_that_few_nodes_misplace():
     """More nodes locate it again: published digits, within the error that it says."""
     family = eqx.Partial(duffing_at, numbers=jnp.array((0.05, 0.1, 0.18)))

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from jaxcrusher.commands import bearing
 from jaxcrusher.commands.options import Bearing, Crusher, Results
+from jaxcrusher.files.text import with_error
 from jaxcrusher.motion.turns import Turns
 
 KNOCK = (("contact_law", "rollers"), ("load_law", "closing_stroke"), ("load", "300 kN"))
@@ -31,15 +32,14 @@ def test_two_clearances_side_by_side(tmp_path):
     assert float(wide["impact_speed [m/s]"]) > float(tight["impact_speed [m/s]"]) > 0
     assert rows["clearance 0.35 mm", "shaft_bearing"]["impacts"] == ""
     lines = console.export_text().splitlines()
-    for said, column, factor in (
-        ("peak load, kN", "peak_load [N]", 1e-3),
-        ("fastest impact, m/s", "impact_speed [m/s]", 1.0),
+    for said, name, unit, factor in (
+        ("peak load, kN", "peak_load", "N", 1e-3),
+        ("fastest impact, m/s", "impact_speed", "m/s", 1.0),
     ):
         row = next(line for line in lines if line.strip().startswith(said))
-        printed = [float(one) for one in re.findall(r"(\S+) ±", row)]
-        # Four digits of each.
-        kept = [factor * float(of[column]) for of in (tight, wide)]
-        assert printed == pytest.approx(kept, rel=1e-3)
+        pairs = [(of[f"{name} [{unit}]"], of[f"{name}_scatter [{unit}]"]) for of in (tight, wide)]
+        kept = [with_error(*(factor * float(one) for one in pair)) for pair in pairs]
+        assert re.findall(r"\S+ ± \S+", row) == kept
     text = " ".join(" ".join(lines).split())
     for said in (
         *("life L10 of one bearing by ISO 281, h", "bearing O", "RMS of the shaking force"),
