@@ -50,6 +50,7 @@ from jaxcrusher.scenes.reader import read_range
 from jaxcrusher.scenes.units import all_said, points_of, quantity_in
 from jaxcrusher.sheets.load_sheet import (
     AMPLIFIED,
+    Row,
     Site,
     beside,
     between,
@@ -88,17 +89,20 @@ def run(options: Foundation, console: Console) -> int:
     told = {"site": asdict(site), "speeds": [low, high], "seconds": options.seconds}
     settings = settings_of("foundation", found, **numbers, **told)
     folder = begin_beside(options.results.folder, settings, *FILES)
-    with stages(console, "ideal joints"):
-        orbit = jc.periodic_orbit(quiet(scene))
+
+    def of_ideal_joints(one: Scene) -> list[Row]:
+        """Return the sheet of a scene's quiet orbit with ideal joints; ValueError without one."""
+        orbit = jc.periodic_orbit(quiet(one))
         require(bool(orbit.success), "scene", "have an orbit with ideal joints", orbit.failure)
-        ideal = rows = sheet(orbit, options.orders, site)
+        return sheet(orbit, options.orders, site)
+
+    with stages(console, "ideal joints"):
+        ideal = rows = of_ideal_joints(scene)
     others, without = {}, []
     for column, (times, title) in SOILS.items() if has_soil(values) else ():
         with stages(console, f"soil of {title}"):
             try:
-                orbit = jc.periodic_orbit(quiet(soil_times(found, times)))
-                require(bool(orbit.success), "scene", "have an orbit", orbit.failure)
-                others[column] = sheet(orbit, options.orders, site)
+                others[column] = of_ideal_joints(soil_times(found, times))
             except ValueError as error:  # too soft a soil lets the block topple
                 without.append(f"none with {title}: {error}")
     turns, loose, varied = None, {}, ""

@@ -95,8 +95,9 @@ def run(options: Orbit, console: Console) -> int:
     for line in summary(orbit):
         console.print(line)
     marked = borrowed_by(options.crusher, found)
-    console.print(table(orbit, slopes, found, marked), soft_wrap=False)
-    for line in notes(found, marked, changes(orbit, slopes, found)):
+    shares = changes(orbit, slopes, found)
+    console.print(table(shares, slopes, found, marked), soft_wrap=False)
+    for line in notes(found, marked, shares):
         console.print(line)
     console.print(listed(folder, written))
     return 0
@@ -198,17 +199,17 @@ def summary(orbit: PeriodicOrbit) -> list[str]:
 
 
 def table(
-    orbit: PeriodicOrbit,
+    shares: dict[str, dict[str, float]],
     slopes: dict[str, dict[str, float]],
     machine: Machine,
     marked: Collection[str],
 ) -> Table:
     """Slopes of the forces' RMS by every parameter, in the units given; `marked` ones have a *.
 
-    What changes the shaking force most in a `step` comes first; what changes neither force is left
-    out.
+    Parameters are those of the `shares`, as `changes` returns them; what changes the shaking force
+    most in a `step` comes first.
     """
-    shares, (shaking, *others) = changes(orbit, slopes, machine), slopes
+    shaking, *others = slopes
 
     def slope(metric: str, name: str, size: float) -> str:
         """Return a slope by the unit of its number, 0 where a step changes too little."""

@@ -14,7 +14,7 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.simulation import Trajectory
 from jaxcrusher.pictures.mechanism import Drawing
 from jaxcrusher.pictures.motions import force_size
-from jaxcrusher.pictures.style import BLUE, FORCE, ORANGE
+from jaxcrusher.pictures.style import BLUE, ORANGE, typeset
 
 # Inches, and the type in points: at a width of 700 pixels it is 11 pixels high.
 SIZE, TYPE = (9.6, 4.4), 10.5
@@ -83,7 +83,7 @@ class Film:
             ax.legend(loc="upper center", ncols=2, columnspacing=1.0, frameon=False)
         self.cursor = ax.axvline(0, color="0.3", linewidth=1)
         (self.dot,) = ax.plot([], [], "o", color=BLUE, markeredgecolor="k")
-        words = FORCE if force == "foundation_force" else scene.observables[force].meaning
+        words = typeset(scene.observables[force].meaning)
         ax.set(xlabel="shaft angle, degrees", title=f"{words}, kN")
         ax.set(xlim=(self.angle[0], self.angle[-1]), ylim=(0, None))
         # Room for the legend.

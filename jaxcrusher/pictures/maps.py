@@ -12,7 +12,17 @@ from matplotlib.patches import Patch
 
 from jaxcrusher.basics.checks import require, require_choice
 from jaxcrusher.crusher.capacity import CrushingChamber
-from jaxcrusher.pictures.style import BLUE, FORCE, GREEN, ORANGE, PURPLE, legend_beside, named, over
+from jaxcrusher.pictures.style import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    in_kilo,
+    legend_beside,
+    named,
+    over,
+    typeset,
+)
 from jaxcrusher.scenes.units import unit_of
 
 # Kind of motion -> colour and hatching; black hatching reads on each.
@@ -47,17 +57,17 @@ def plot_landscape(
     Raises ValueError for an axis of choices or of a single value, and for more than six marks.
     """
     ax = plt.subplots()[1] if ax is None else ax
-    kilo = landscape.attrs.get("units") == "N"
+    factor, unit = in_kilo(landscape.attrs.get("units", ""))
     across, up = axes_of(landscape.dims)
     _require_numbers("landscape", landscape)
     # Cells are drawn between their neighbours.
     landscape = landscape.sortby([across, up])
-    values = landscape.transpose(up, across).to_numpy() / (1e3 if kilo else 1)
+    values = landscape.transpose(up, across).to_numpy() / factor
     x, y = (landscape[name].to_numpy() / unit_of(name, units or {})[1] for name in (across, up))
     mesh = ax.pcolormesh(x, y, values, cmap="cividis", norm=norm, shading="nearest")
-    unit = "kN" if kilo else landscape.attrs.get("units", "")
     if np.isfinite(values).any():
-        label = f"{_name(landscape)} ({unit})".removesuffix(" (1)").removesuffix(" ()")
+        name = typeset(str(landscape.attrs.get("long_name", landscape.name)))
+        label = f"{name} ({unit})".removesuffix(" (1)").removesuffix(" ()")
         ax.figure.colorbar(mesh, ax=ax, label=label)
     else:
         middle = {"x": 0.5, "y": 0.5, "ha": "center", "va": "center", "color": "k"}
@@ -182,9 +192,3 @@ def label_axes(ax: Axes, across: str, up: str, units: Mapping[str, str]) -> None
     """Names and units of a map's numbers; what is not drawn is grey."""
     (x, _), (y, _) = named(across, units), named(up, units)
     ax.set(xlabel=x, ylabel=y, facecolor="0.6")
-
-
-def _name(values: xr.DataArray) -> str:
-    """Return the name of the values, with the symbols of the force typeset."""
-    name = str(values.attrs.get("long_name", values.name))
-    return name if "$" in name else name.replace(FORCE.strip("$"), FORCE)

@@ -203,12 +203,8 @@ class Drawing:
 
     def _frame(self, linkage: Linkage, look: Outline) -> None:
         """Draw what stands still: bearings in the frame, and the lines of slides."""
-        for joint in linkage.joints.values:
-            for end in (joint.bore, joint.pin):
-                if end.body == FRAME:
-                    at = np.asarray(end.arm.vector().array())
-                    foot = at + look.sign * np.array([(0, 0), (-0.8, -1.4), (0.8, -1.4)])
-                    self.ax.add_patch(Polygon(foot, zorder=3, **HATCHED))
+        for _, at in joints_in_frame(linkage):
+            self.ax.add_patch(Polygon(foot(at, look), zorder=3, **HATCHED))
         for slide in linkage.slides.values:
             ahead = np.asarray(slide.direction.array())
             begin = np.asarray(slide.through.vector().array())
@@ -242,6 +238,20 @@ class Drawing:
         for clearance in self.clearances.values():
             clearance.show(instant)
         self.ax.set_title(f"t = {1e3 * self.time[instant]:.2f} ms")
+
+
+def joints_in_frame(linkage: Linkage) -> list[tuple[str, np.ndarray]]:
+    """Return the joints that lie in the frame, with their places, m."""
+    found = []
+    for name, joint in linkage.joints.items():
+        ends = [end for end in (joint.bore, joint.pin) if end.body == FRAME]
+        found += [(name, np.asarray(end.arm.vector().array())) for end in ends]
+    return found
+
+
+def foot(at: np.ndarray, look: Outline) -> Float[np.ndarray, "3 2"]:
+    """Return corners of the foot on which a joint of the frame stands."""
+    return at + look.sign * np.array([(0, 0), (-0.8, -1.4), (0.8, -1.4)])
 
 
 def fixed_jaw(face: Float[np.ndarray, "n 2 2"], size: float, r: float) -> Float[np.ndarray, "4 2"]:

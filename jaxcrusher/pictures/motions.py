@@ -23,10 +23,9 @@ def plot_orbit(
 ) -> Axes:
     """The centre of a pin in its clearance circle (mm); `prefix` is that of its joint's results."""
     angle = np.linspace(0, 2 * np.pi, 361)
-    ax = _path_in(trajectory, prefix, clearance * np.array([np.cos(angle), np.sin(angle)]), ax)
-    ax.lines[-1].set_label("pin centre")
-    ax.set(xlabel="$e_x$ (mm)", ylabel="$e_y$ (mm)")
-    return ax
+    circle = clearance * np.array([np.cos(angle), np.sin(angle)])
+    words = "pin centre", "$e_x$ (mm)", "$e_y$ (mm)"
+    return _path_in(trajectory[f"{prefix}eccentricity"], circle, ax, *words)
 
 
 def plot_play(
@@ -38,24 +37,19 @@ def plot_play(
 ) -> Axes:
     """The play of a slider in its guide (mm): inside of the square none of its corners touches."""
     square = clearance * np.array([(1, 0, -1, 0, 1), (0, 1, 0, -1, 0)])
-    ax = _path_in(trajectory, prefix, square, ax)
-    ax.lines[-1].set_label("slider")
-    ax.set(xlabel="off to the left (mm)", ylabel="tilt x half length (mm)")
-    return ax
+    words = "slider", "off to the left (mm)", "tilt x half length (mm)"
+    return _path_in(trajectory[f"{prefix}eccentricity"], square, ax, *words)
 
 
 def _path_in(
-    trajectory: Mapping[str, ArrayLike] | Trajectory,
-    prefix: str,
-    edge: np.ndarray,
-    ax: Axes | None,
+    eccentricity: ArrayLike, edge: np.ndarray, ax: Axes | None, label: str, across: str, up: str
 ) -> Axes:
     """Draw the path of an eccentricity (m) in mm within the edge of its clearance (m)."""
     ax = plt.subplots()[1] if ax is None else ax
-    path = 1e3 * np.asarray(trajectory[f"{prefix}eccentricity"])
+    path = 1e3 * np.asarray(eccentricity)
     ax.plot(*(1e3 * edge), color=GREY, linestyle="--", linewidth=1, label="clearance")
-    ax.plot(path[:, 0], path[:, 1], color=BLUE, linewidth=0.6)
-    ax.set(aspect="equal")
+    ax.plot(path[:, 0], path[:, 1], color=BLUE, linewidth=0.6, label=label)
+    ax.set(aspect="equal", xlabel=across, ylabel=up)
     ax.locator_params(nbins=4)
     return ax
 

@@ -13,14 +13,15 @@ from jaxcrusher.orbits.orbit_branch import OrbitBranch
 from jaxcrusher.pictures.style import (
     BLUE,
     COLOURS,
-    FORCE,
     GREEN,
     GREY,
     ORANGE,
     PURPLE,
+    in_kilo,
     legend_beside,
     over,
     second_axis,
+    typeset,
 )
 
 # Kind of event -> marker and colour; of those that are not named here the last one.
@@ -56,7 +57,7 @@ def plot_orders(
         require_choice("quantities", name, tuple(known))
     units = {str(unit_of.sel(quantity=name).item()) for name in quantities}
     require(len(units) == 1, "quantities", "have one unit", sorted(units))
-    factor, unit = _kilo(units.pop())
+    factor, unit = in_kilo(units.pop())
     orders = harmonics.order.to_numpy()[1:]
     width = 0.8 * orders[0] / len(quantities)
     for i, name in enumerate(quantities):
@@ -100,7 +101,7 @@ def plot_campbell(
         require_choice("quantity", quantity, tuple(map(str, one.quantity.values)))
     speeds = np.array([one.attrs["speed"] for one in spectra])
     require(len(np.unique(speeds)) > 1, "spectra", "be of two or more speeds", speeds)
-    factor, unit = _kilo(str(spectra[0].unit.sel(quantity=quantity).item()))
+    factor, unit = in_kilo(str(spectra[0].unit.sel(quantity=quantity).item()))
     places, orders = [], set()
     for speed, one in zip(speeds, spectra, strict=True):
         order = one.order.to_numpy()[1:]
@@ -182,7 +183,7 @@ def plot_branch(
     usual = "foundation_rms" if "foundation_rms" in table else "shaking_rms"
     statistic = usual if statistic is None else statistic
     require_choice("statistic", statistic, tuple(map(str, table.data_vars)))
-    factor, unit = _kilo(str(table[statistic].attrs.get("units", "1")))
+    factor, unit = in_kilo(str(table[statistic].attrs.get("units", "1")))
     size = over(ax, name, units)
     _line(ax, branch, table.parameter.to_numpy() / size, table[statistic].to_numpy() / factor)
     seen = []
@@ -196,8 +197,7 @@ def plot_branch(
         look["clip_on"] = False
         ax.plot(*at, marker, label=None if label in seen else label, **look)
         seen.append(label)
-    meaning = str(table[statistic].attrs.get("long_name", statistic))
-    meaning = meaning.replace(FORCE.strip("$"), FORCE)
+    meaning = typeset(str(table[statistic].attrs.get("long_name", statistic)))
     ax.set(ylabel=f"{meaning} ({unit})".removesuffix(" (1)"))
     ax.margins(x=0)
     legend_beside(ax)
@@ -260,8 +260,3 @@ def _line(ax: Axes, branch: OrbitBranch, x: np.ndarray, y: np.ndarray) -> None:
 def _look(kind: str) -> tuple[str, str]:
     """Return marker and colour of a kind of event, which may be "unresolved" or at some joint."""
     return next(look for known, look in EVENTS.items() if known in kind)
-
-
-def _kilo(unit: str) -> tuple[float, str]:
-    """Return how many of a unit are one of the unit that it is drawn in."""
-    return (1e3, "kN") if unit == "N" else (1.0, unit)

@@ -15,8 +15,14 @@ from jaxcrusher.crusher.outline import BLUE, GREEN, ORANGE
 from jaxcrusher.mechanism.linkage import Point
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.supports import OnSupports
-from jaxcrusher.mechanism.topology import FRAME
-from jaxcrusher.pictures.mechanism import HATCHED, fixed_jaw, joints_outline, places_of
+from jaxcrusher.pictures.mechanism import (
+    HATCHED,
+    fixed_jaw,
+    foot,
+    joints_in_frame,
+    joints_outline,
+    places_of,
+)
 
 # Angles of the crank by which is found how far the bodies reach.
 ANGLES = 24
@@ -40,7 +46,7 @@ def draw_site(scene: Scene, points: Mapping[str, tuple[float, float]] = {}) -> F
     fig, ax = plt.subplots(layout="constrained")
     reach = _draw_machine(scene, ax)
     supports, marked = scene.supports, {}
-    for name, at in _in_the_frame(scene):
+    for name, at in joints_in_frame(scene.linkage):
         marked[scene.template.joint(name).title] = float(at[0]), float(at[1])
     if scene.foundation is not None:
         at = scene.foundation.point
@@ -88,20 +94,11 @@ def _draw_machine(scene: Scene, ax: Axes) -> np.ndarray:
         block = fixed_jaw(ways[1], *look.fixed_jaw)
         ax.add_patch(Polygon(block, **HATCHED))
         reach += block.tolist()
-    for _, at in _in_the_frame(scene):
-        foot = at + look.sign * np.array([(0, 0), (-0.8, -1.4), (0.8, -1.4)])
-        ax.add_patch(Polygon(foot, zorder=3, **HATCHED))
-        reach += foot.tolist()
+    for _, at in joints_in_frame(scene.linkage):
+        corners = foot(at, look)
+        ax.add_patch(Polygon(corners, zorder=3, **HATCHED))
+        reach += corners.tolist()
     return np.array(reach)
-
-
-def _in_the_frame(scene: Scene) -> list[tuple[str, np.ndarray]]:
-    """Return the joints that lie in the frame, with their places, m."""
-    found = []
-    for name, joint in scene.linkage.joints.items():
-        ends = [end for end in (joint.bore, joint.pin) if end.body == FRAME]
-        found += [(name, np.asarray(end.arm.vector().array())) for end in ends]
-    return found
 
 
 def _draw_block(
@@ -139,7 +136,7 @@ def _draw_points(scene: Scene, ax: Axes, marked: Mapping[str, tuple[float, float
     named = dict(marked)
     if not any(at == (0.0, 0.0) for at in marked.values()):
         named = {"origin": (0.0, 0.0), **marked}
-    fixed = [scene.template.joint(name).title for name, _ in _in_the_frame(scene)]
+    fixed = [scene.template.joint(name).title for name, _ in joints_in_frame(scene.linkage)]
     for at in dict.fromkeys(named.values()):
         here = [name for name, place in named.items() if place == at]
         name = ", ".join(here)

@@ -55,6 +55,16 @@ def style(*, dark: bool = False) -> dict[Any, Any]:
     return STYLE | {"axes.prop_cycle": cycler(color=COLOURS)} | paper
 
 
+def in_kilo(unit: str) -> tuple[float, str]:
+    """Return how many of a unit are one of the unit that it is drawn in: of forces kN."""
+    return (1e3, "kN") if unit == "N" else (1.0, unit)
+
+
+def typeset(words: str) -> str:
+    """Return words with the symbols of the force on the foundation typeset."""
+    return words if "$" in words else words.replace(FORCE.strip("$"), FORCE)
+
+
 def named(name: str, units: Mapping[str, str]) -> tuple[str, float]:
     """Return the label of a machine's number, with its unit, and what one of that is in SI."""
     unit, size = unit_of(name, units)

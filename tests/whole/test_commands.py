@@ -785,7 +785,7 @@ def test_slopes_of_an_orbit_are_shown_where_a_force_feels_them(tmp_path):
     machine = jc.paper_machine()
     numbers = [name for name in jc.PE250X400 if name in jc.PARAMETERS]
     slopes = {metric: dict.fromkeys(numbers, 1.0) for metric in ("shaking_rms", "foundation_rms")}
-    shown = orbit.table(found, slopes, machine, marked)
+    shown = orbit.table(orbit.changes(found, slopes, machine), slopes, machine, marked)
     cells = dict(zip(*(list(shown.columns[i].cells) for i in (0, 1)), strict=True))
     assert cells["jaw.mass"] == "524 kg *" and cells["load"] == "8800 N"
     # What changes neither force has no row, but a line: rounding is no slope, and NaN is no zero.
@@ -793,7 +793,8 @@ def test_slopes_of_an_orbit_are_shown_where_a_force_feels_them(tmp_path):
         slopes = {metric: of | {name: slope} for metric, of in slopes.items()}
     slopes["shaking_rms"]["friction"] = 0.0
     slopes["shaking_rms"]["jaw.mass"] = 1e6
-    names = list(orbit.table(found, slopes, machine, marked).columns[0].cells)
+    shares = orbit.changes(found, slopes, machine)
+    names = list(orbit.table(shares, slopes, machine, marked).columns[0].cells)
     assert {"load", "friction"} < set(names) and not {"young", "poisson"} & set(names)
     # As they change the shaking force.
     assert names[0] == "jaw.mass" and names[-2:] == ["friction", "load"]
