@@ -25,6 +25,9 @@ jaxtyping.install_import_hook(
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
 )
 
+# Its checker of leaves is imported now: while a program is traced that import fails half-way.
+isinstance(0.0, jaxtyping.PyTree[float])
+
 import jaxcrusher as jc  # noqa: E402
 from jaxcrusher.basics.setup import programs_folder  # noqa: E402
 
@@ -39,6 +42,7 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     os.environ["JAX_COMPILATION_CACHE_DIR"] = str(programs)
 
 import jax  # noqa: E402
+import jax.numpy as jnp  # noqa: E402
 
 jax.config.update("jax_compilation_cache_dir", os.environ["JAX_COMPILATION_CACHE_DIR"])
 # A project that sets both can then call the package, as those of diffrax and optimistix can.
@@ -66,20 +70,27 @@ os.environ["XLA_FLAGS"] = FLAGS
 
 
 def _slowness():
-    """Return how many times as long as usual this machine takes for a loop of Python's."""
-    took = []
-    for _ in range(3):
-        began = time.process_time()
-        for _ in range(1_000_000):
-            pass
-        took.append(time.process_time() - began)
-    return max(1, min(took) / USUAL)
+    """Return how many times as long as usual this machine takes now to trace a program.
+
+    A busy machine takes longer, and one of many guests of a host by turns: it is asked for some
+    time, and when it matters.
+    """
+
+    def many(x):
+        for _ in range(300):
+            x = jnp.sin(x) * x
+        return x
+
+    began = time.process_time()
+    for _ in range(TRACES):
+        jax.make_jaxpr(lambda x: many(x))(1.0)  # another function each time, which is traced anew
+    return max(1, (time.process_time() - began) / (TRACES * USUAL))
 
 
 # Seconds of the processor: 10 on an idle machine, and twice that on a busy one; on a slower machine
-# as many times more as it takes for a loop that usually takes `USUAL` seconds.
-USUAL = 0.02
-QUICK = 20 * _slowness()
+# as many times more as it takes for a trace that usually takes `USUAL` seconds.
+TRACES, USUAL = 10, 0.015
+QUICK = 20
 
 
 def pytest_addoption(parser):
@@ -121,8 +132,9 @@ def pytest_runtest_call(item):
     result = yield
     spent = sum(os.times()[:4]) - before
     if spent > QUICK and item.get_closest_marker("slow") is None:
-        reason = f"{spent:.0f} s of the processor, and a quick test takes {QUICK:.0f} s at most"
-        pytest.fail(f"{reason}: make it cheaper, or mark it `slow`.", pytrace=False)
+        if spent > (most := QUICK * _slowness()):
+            reason = f"{spent:.0f} s of the processor, and a quick test takes {most:.0f} s at most"
+            pytest.fail(f"{reason}: make it cheaper, or mark it `slow`.", pytrace=False)
     return result
 
 

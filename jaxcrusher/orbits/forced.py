@@ -138,8 +138,27 @@ def acceleration(
     phase: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: Scene
 ) -> Float[Array, " dims"]:
     """Return the second derivative of the unknowns by the phase."""
-    seen, square = snapshot(phase, x, rate, scene), scene.drive.speed**2
-    change = scene.formulation.rate(seen, state(x, rate, scene), scene)
+    return _acceleration(snapshot(phase, x, rate, scene), x, rate, scene)
+
+
+@jax.jit  # likewise
+def acceleration_and_force(
+    phase: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: Scene
+) -> tuple[Float[Array, " dims"], Scalar]:
+    """Return the second derivative of the unknowns by the phase, and the leading force, N.
+
+    Both follow from one look at the instant: what they share is compiled once.
+    """
+    seen = snapshot(phase, x, rate, scene)
+    force = scene.statistics[scene.leading].quantity(seen, scene)
+    return _acceleration(seen, x, rate, scene), jnp.asarray(force)
+
+
+def _acceleration(seen: Snapshot, x: Array, rate: Array, scene: Scene) -> Float[Array, " dims"]:
+    change, square = (
+        scene.formulation.rate(seen, state(x, rate, scene), scene),
+        scene.drive.speed**2,
+    )
     frame = None if change.frame is None else (change.frame.velocity, change.frame.spin)
     second = zip(jax.tree.leaves((change.parts.rates, frame)), _units(scene), strict=True)
     return jnp.stack([one / (unit * square) for one, unit in second])

@@ -4,7 +4,7 @@ Nodes are solved for without slopes; statistics follow from nodes that move with
 """
 
 import dataclasses
-import math
+import functools
 from collections.abc import Callable
 
 import equinox as eqx
@@ -26,23 +26,14 @@ from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.collocation import Unfactored, attached, collocate
 from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.multipliers import (
-    LOOKS,
     MORE_STEPS,
     STEPS,
     UNSURE,
     Multipliers,
-    of_slopes,
     undecided,
 )
 from jaxcrusher.periodic.newton import Factors
-from jaxcrusher.periodic.node_errors import (
-    Between,
-    Family,
-    NodeErrors,
-    dual_error,
-    node_errors,
-    squares,
-)
+from jaxcrusher.periodic.node_errors import Family, NodeErrors, between, dual_error, passed_on
 from jaxcrusher.periodic.system import System
 from jaxcrusher.periodic.trigonometric import resample
 
@@ -58,9 +49,6 @@ UNRESOLVED = 1e-3
 FINER = 8
 # Steps a period of the multipliers, more of them where the error of the last ones is too large.
 COUNTS = (STEPS, *MORE_STEPS)
-
-# What is known of an orbit by the steps of its multipliers.
-Known = tuple[Multipliers, NodeErrors]
 
 
 class Nodes(eqx.Module):
@@ -101,17 +89,20 @@ def of_nodes(
 ) -> Nodes:
     """Return what is known of the orbit through `x`, which may lie on a branch of a `family`.
 
-    `factors` are those of its equations; None on a branch. Multipliers take the first of `counts`
-    of steps, and the next ones as long as their error is too large.
+    `factors` are those of its equations, for the dual that tells the error of the RMS where nothing
+    else does; None leaves that unknown. Multipliers take the first of `counts` of steps, and the
+    next ones as long as their error is too large.
     """
     scene, solved_for = system.args, result == newton.RESULTS.successful
-    between = _between(system, x)
+    look = eqx.Partial(passed_on, observed=forced.acceleration_and_force, family=family)
+    found, errors, seen = look(system, x, steps=counts[0])
+    known = found, errors
 
-    def resolved(system: System, x: Array, between: Between, known: Known, needed: Array) -> Known:
+    def resolved(system: System, x: Array, known: tuple, needed: Array) -> tuple:
         for steps in counts[1:]:
             known = jax.lax.cond(
                 needed & ~(known[0].error <= UNSURE),
-                lambda _, steps=steps: _passed_on(system, x, between, family, steps),
+                lambda _, steps=steps: look(system, x, steps=steps)[:2],
                 lambda known: known,
                 known,
             )
@@ -119,42 +110,17 @@ def of_nodes(
 
     # One design after the other, on a GPU too: few need more steps. No branch is one of a batch.
     again = sequential_vmap(resolved) if family is None else resolved
-    known = _passed_on(system, x, between, family, counts[0])
-    found, errors = again(system, x, between, known, solved_for)
+    found, errors = again(system, x, known, solved_for)
     if factors is not None:
         rms = jax.lax.cond(
             jnp.isfinite(errors.rms),
             lambda: errors.rms,
-            lambda: dual_error(system, x, factors, between),
+            lambda: dual_error(system, x, factors, seen),
         )
         errors = errors._replace(rms=rms)
     missed, change = jnp.split(found.closure, 2)
     closure = jnp.max(jnp.abs(flat(forced.state(missed, change, scene))))
     return Nodes(x, result, jnp.asarray(steps), found, errors, closure, way)
-
-
-def _between(system: System, x: Float[Array, "nodes dims"]) -> Between:
-    """Look at equal steps, two a node or more, which the nodes are among."""
-    at = system.at(x, len(x) * max(2, math.ceil(LOOKS / len(x))))
-    slopes, accelerations = system.slopes(*at)
-    return Between(slopes, system.defect(x, accelerations), *squares(system, at, _leading_force))
-
-
-def _passed_on(
-    system: System,
-    x: Float[Array, "nodes dims"],
-    between: Between,
-    family: Family | None,
-    steps: int,
-) -> Known:
-    """Return the multipliers of the orbit through `x`, and what its nodes leave."""
-    found = of_slopes(between.slopes, system.period, steps, between.defect)
-    return found, node_errors(system, x, between, _leading_force, family, steps)
-
-
-def _leading_force(phase: Scalar, x: Array, rate: Array, scene: Scene) -> Scalar:
-    quantity = scene.statistics[scene.leading].quantity
-    return jnp.asarray(quantity(forced.snapshot(phase, x, rate, scene), scene))
 
 
 def solved(
@@ -164,16 +130,20 @@ def solved(
 
     Without a guess, or with one of NaN, from the pins at rest, and then by way of a damping. A
     program of its own, which serves values and slopes; under `jax.vmap` one design after the other,
-    since few take the long way. Where values are known, the multipliers of the few that need more
-    steps are a further program, which others do not compile.
+    since few take the long way. Where values are known, what few orbits need are further programs,
+    which others do not compile: multipliers by more steps, and the dual.
     """
     if not is_concrete((scene, guess)):
         return _solved(scene, guess, period, nodes, COUNTS)
     found, factors = _solved(scene, guess, period, nodes, COUNTS[:1])
-    for steps in COUNTS[1:]:
-        good = found.result == newton.RESULTS.successful
-        if bool(good & ~(found.multipliers.error <= UNSURE)):
-            found = _looked_at_again(scene, found, period, steps)
+    if bool(found.result == newton.RESULTS.successful):
+        for steps in COUNTS[1:]:
+            if not bool(found.multipliers.error <= UNSURE):
+                found = _looked_at_again(scene, found, period, steps)
+        if not bool(jnp.isfinite(found.node_errors.rms)):
+            rms = _dual_error(scene, found.x, factors, period)
+            errors = found.node_errors._replace(rms=rms)
+            found = dataclasses.replace(found, node_errors=errors)
     return found, factors
 
 
@@ -190,7 +160,8 @@ def _solved(
         root = lowered(scene, period, rest, at_rest)
         way = WAYS.where(root.by_damping, WAYS.damping, WAYS.where(at_rest, WAYS.rest, WAYS.guess))
         system, result = forced.system(scene, period), root.result
-        orbit = of_nodes(system, root.x, root.factors, way, result, root.steps, counts=counts)
+        factors = root.factors if counts == COUNTS else None
+        orbit = of_nodes(system, root.x, factors, way, result, root.steps, counts=counts)
         return orbit, root.factors
 
     return found(scene, guess)
@@ -206,6 +177,12 @@ def _looked_at_again(scene: Scene, found: Nodes, period: int, steps: int) -> Nod
     return dataclasses.replace(
         found, multipliers=seen.multipliers, node_errors=errors, closure=seen.closure
     )
+
+
+@eqx.filter_jit
+def _dual_error(scene: Scene, x: Array, factors: Factors, period: int) -> Scalar:
+    system = forced.system(scene, period)
+    return dual_error(system, x, factors, between(system, x, forced.acceleration_and_force))
 
 
 @eqx.filter_jit
@@ -226,6 +203,7 @@ def with_statistics(scene: Scene, found: Nodes, factors: Factors, period: int) -
     return dataclasses.replace(orbit, eccentricity=found.x)
 
 
+@functools.partial(jax.jit, static_argnums=1)  # one by one its operations take longer
 def _finely(x: Float[Array, "nodes dims"], period: int) -> Float[Array, "finer dims"]:
     """Return the most nodes of the polynomial through `x`."""
     return resample(x, max(MOST_NODES * period, len(x)))
@@ -263,15 +241,17 @@ def _refined(scene: Scene, guess: Array | None, period: int) -> _Refined:
 
     @design_by_design
     def found(scene: Scene, guess: Array | None) -> _Refined:
-        few, factors = solved(scene, guess, period, NODES * period)
+        few, factors = _solved(scene, guess, period, NODES * period, COUNTS[:1])
         # Where Newton's method fails more nodes are of no use.
         failed = few.result != newton.RESULTS.successful
-        settled = failed | ((few.node_errors.rms <= SETTLED) & ~few.doubted)
+        settled = (few.node_errors.rms <= SETTLED) & ~few.doubted
+        settled = failed | (settled & (few.multipliers.error <= UNSURE))
         start, system = resample(few.x, MOST_NODES * period), forced.system(scene, period)
 
         def more() -> Nodes:
             x, root = collocate(system, start)
-            return of_nodes(system, x, root.factors, few.way, root.result, root.steps)
+            told = root.factors, few.way, root.result, root.steps
+            return of_nodes(system, x, *told, counts=COUNTS[1:])
 
         orbit = jax.lax.cond(settled, lambda: dataclasses.replace(few, x=start), more)
         return _Refined(orbit, settled, few.x, factors)

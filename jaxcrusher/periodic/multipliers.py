@@ -7,6 +7,7 @@ a quadrature, and two numbers of steps tell the error.
 """
 
 import math
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
@@ -70,22 +71,17 @@ def _looked(system: System, x: Float[Array, "nodes dims"]) -> tuple[Array, ...]:
 
 
 def of_slopes(
-    slopes: tuple[Float[Array, "n dims dims"], ...],
-    period: Scalar,
-    steps: int = STEPS,
-    defect: Float[Array, "n dims"] | None = None,
+    slopes: tuple[Float[Array, "n dims dims"], ...], period: Scalar, steps: int = STEPS
 ) -> Multipliers:
-    """Return them from df/dx and df/dx' at equally spaced instants of the period.
+    """Return them from df/dx and df/dx' at equally spaced instants of the period."""
+    coarse, fine = (once_round(slopes, period, count) for count in (steps // 2, steps))
+    return of_matrices(coarse, fine, jnp.zeros(len(fine)))
 
-    The motion that begins on the orbit's nodes leaves them as the `defect` of the nodes drives the
-    variational equations; None is a defect of zero. That sum has the error of the rectangle rule,
-    which vanishes fast for what is periodic.
-    """
-    if defect is None:
-        defect = jnp.zeros(slopes[0].shape[:2])
-    coarse, fine = _monodromies(slopes, defect, period, (steps // 2, steps))
-    fine, closure = fine[:, :-1], fine[:, -1]
-    coarse = coarse[:, :-1]
+
+def of_matrices(
+    coarse: Float[Array, "n n"], fine: Float[Array, "n n"], closure: Float[Array, " n"]
+) -> Multipliers:
+    """Return those of the monodromy matrix `fine`; `coarse` is that of half as many steps."""
     # Twice the steps leave a 64th of the error.
     left = (fine - coarse) / 63
     values = eigenvalues(fine, jnp.all(jnp.isfinite(left)))
@@ -146,55 +142,12 @@ def largest(values: Complex[Array, "*batch n"]) -> Float[Array, "*batch"]:
     return jnp.max(jnp.abs(values), axis=-1, initial=0.0)
 
 
-def _monodromies(
-    slopes: tuple[Array, ...], defect: Array, period: Scalar, counts: tuple[int, int]
-) -> tuple[Array, Array]:
-    """Multiply all steps, the last on the left, for either number of steps, powers of two.
-
-    The last column is what the defect adds up to.
-    """
-    units, gauss = _looks(slopes, period, counts)
-    dims = defect.shape[1]
-    pushes = jnp.concatenate(
-        [period / n * units[None, dims:] * resample(defect, n) for n in counts]
-    )
-    pushes = jnp.concatenate([jnp.zeros_like(pushes), pushes], axis=1)
-    scale = units[:, None] / jnp.append(units, 1.0)[None]
-    halvings = _halvings(counts[1])
-    if on_a_gpu():
-        driven = eqx.Partial(_driven_step, halvings=halvings)
-        coarse, fine = jnp.split(jax.vmap(driven)(gauss, pushes[:, :, None]), counts[:1])
-        return _product(coarse)[:-1] / scale, _product(fine)[:-1] / scale
-
-    # Step by step, one number of steps after the other: XLA makes one kernel of the loop. Of all
-    # steps side by side it computes each product again for every entry of the next.
-    def pass_on(products, now) -> tuple[tuple[Array, Array], None]:
-        looks, push, begins = now
-        before, passed = products
-        before = jnp.where(begins, passed, before)
-        passed = jnp.where(begins, still, passed)
-        return (before, _step(*looks, halvings=halvings) @ (passed + push[:, None] * last)), None
-
-    size = 2 * dims
-    still, last = jnp.eye(size, size + 1), np.eye(1, size + 1, size)
-    begins = np.arange(sum(counts)) == counts[0]
-    one, other = jax.lax.scan(pass_on, (still, still), (gauss, pushes, begins))[0]
-    return one / scale, other / scale
-
-
 def _driven_step(
     gauss: tuple[Array, ...], pushes: Float[Array, "m pushes"], halvings: int
 ) -> Array:
     """Return the matrix of a step that drives too, of a disturbance with ones behind it."""
     step, (size, count) = _step(*gauss, halvings=halvings), pushes.shape
     return jnp.block([[step, step @ pushes], [jnp.zeros((count, size)), jnp.eye(count)]])
-
-
-def _product(matrices: Float[Array, "n m m"]) -> Float[Array, "m m"]:
-    """Multiply a power of two of matrices by pairs, the last on the left."""
-    while len(matrices) > 1:
-        matrices = matrices[1::2] @ matrices[::2]
-    return matrices[0]
 
 
 def fundamental(
@@ -206,35 +159,67 @@ def fundamental(
     """Return d(x, x') / d(x, x') at the beginning, at the start of each step and at the end.
 
     It is of df/dx and df/dx', as `of_slopes`. Further columns are the motions from zero that
-    accelerations `pushes` at equally spaced instants drive.
+    accelerations `pushes` at equally spaced instants drive. Their sum has the error of the
+    rectangle rule, which vanishes fast for what is periodic.
     """
-    units, gauss = _looks(slopes, period, (steps,))
-    size = len(units)
-    if pushes is None:
-        pushes = jnp.zeros((len(slopes[0]), size // 2, 0))
-    scale = units[:, None] / jnp.append(units, jnp.ones(pushes.shape[2]))[None]
-    pushes = period / steps * units[None, size // 2 :, None] * resample(pushes, steps)
-    pushes = jnp.concatenate([jnp.zeros_like(pushes), pushes], axis=1)
-    still, halvings = jnp.eye(size, scale.shape[1]), _halvings(steps)
+    step, looks, scale = _driven(slopes, period, steps, pushes)
+    size, columns = scale.shape
+    still = jnp.eye(size, columns)
     if on_a_gpu():
-        matrices = jax.vmap(eqx.Partial(_driven_step, halvings=halvings))(gauss, pushes)
+        matrices = jax.vmap(step)(*looks)
         after = jax.lax.associative_scan(lambda one, other: other @ one, matrices)[:, :size]
         return jnp.concatenate([still[None], after[:-1]]) / scale[None], after[-1] / scale
 
+    # Step by step: XLA makes one kernel of the loop. Of all steps side by side it computes each
+    # product again for every entry of the next.
     def pass_on(passed: Array, now: tuple) -> tuple[Array, Array]:
-        looks, push = now
-        return _step(*looks, halvings=halvings) @ passed.at[:, size:].add(push), passed
+        gauss, push = now
+        return _step(*gauss, halvings=_halvings(steps)) @ passed.at[:, size:].add(push), passed
 
-    last, before = jax.lax.scan(pass_on, still, (gauss, pushes))
+    last, before = jax.lax.scan(pass_on, still, looks)
     return before / scale[None], last / scale
 
 
+def once_round(
+    slopes: tuple[Float[Array, "n dims dims"], ...],
+    period: Scalar,
+    steps: int,
+    pushes: Float[Array, "n dims pushes"] | None = None,
+) -> Float[Array, "twodims columns"]:
+    """Return the last of what `fundamental` returns."""
+    if not on_a_gpu():
+        return fundamental(slopes, period, steps, pushes)[1]
+    step, looks, scale = _driven(slopes, period, steps, pushes)
+    return _product(jax.vmap(step)(*looks))[: len(scale)] / scale
+
+
+def _driven(
+    slopes: tuple[Array, ...], period: Scalar, steps: int, pushes: Array | None
+) -> tuple[Callable[..., Array], tuple, Array]:
+    """Return the function of a step, what it takes at each one, and the units of its columns."""
+    units, gauss = _looks(slopes, period, steps)
+    dims = len(units) // 2
+    if pushes is None:
+        pushes = jnp.zeros((len(slopes[0]), dims, 0))
+    scale = units[:, None] / jnp.append(units, jnp.ones(pushes.shape[2]))[None]
+    pushes = period / steps * units[None, dims:, None] * resample(pushes, steps)
+    pushes = jnp.concatenate([jnp.zeros_like(pushes), pushes], axis=1)
+    return eqx.Partial(_driven_step, halvings=_halvings(steps)), (gauss, pushes), scale
+
+
+def _product(matrices: Float[Array, "n m m"]) -> Float[Array, "m m"]:
+    """Multiply a power of two of matrices by pairs, the last on the left."""
+    while len(matrices) > 1:
+        matrices = matrices[1::2] @ matrices[::2]
+    return matrices[0]
+
+
 def _looks(
-    slopes: tuple[Array, ...], period: Scalar, counts: tuple[int, ...]
+    slopes: tuple[Array, ...], period: Scalar, steps: int
 ) -> tuple[Array, tuple[Array, ...]]:
     """Return the units of a disturbance, and d(x', x'') / d(x, x') at Gauss' points of each step.
 
-    In these units, and a step long. One transform of the slopes serves all points.
+    In these units, and a step long.
     """
     by_x, dims = slopes[0], slopes[0].shape[1]
     # Rates in the unit of the fastest swing, so that all entries are of one size.
@@ -243,21 +228,21 @@ def _looks(
     scale, upper = units[:, None] / units[None], np.eye(dims, 2 * dims, dims)
     lower = jnp.concatenate(slopes, axis=2)
 
-    def looked(count: int, shift: float) -> Array:
-        found = resample(lower, count, shift)
+    def looked(shift: float) -> Array:
+        found = resample(lower, steps, shift)
         both = jnp.concatenate([jnp.broadcast_to(upper, found.shape), found], axis=1)
-        return period / count * scale[None] * both
+        return period / steps * scale[None] * both
 
-    points = (-GAUSS, 0.0, GAUSS)
-    return units, tuple(jnp.concatenate([looked(n, 0.5 + off) for n in counts]) for off in points)
+    return units, tuple(looked(0.5 + off) for off in (-GAUSS, 0.0, GAUSS))
 
 
 def _halvings(steps: int) -> int:
     """Return how often the exponent of a step is halved for its series, one product each.
 
-    More steps are asked for where it is large: a thin film makes it some hundreds.
+    More steps are asked for where it is large: a thin film makes it some hundreds. Half as many,
+    which tell the error, are halved as often as needed too.
     """
-    return 2 + max(0, math.ceil(math.log2(steps / STEPS)))
+    return 2 + max(0, math.ceil(math.log2(2 * steps / STEPS)))
 
 
 def _step(early: Array, first: Array, late: Array, *, halvings: int) -> Array:

@@ -5,6 +5,7 @@ that this drives, and that repeats, leads from the nodes to the exact orbit but 
 is one step of Newton's method on functions, and has the harmonics too that the nodes do not have.
 """
 
+import functools
 import math
 from collections.abc import Callable
 from typing import NamedTuple
@@ -16,9 +17,18 @@ from jax.scipy.linalg import lu_solve
 from jaxtyping import Array, Float, PyTree, Scalar
 
 from jaxcrusher.basics.loops import one_by_one
-from jaxcrusher.periodic.multipliers import STEPS, eigenvalues, fundamental, spread
+from jaxcrusher.periodic.multipliers import (
+    LOOKS,
+    STEPS,
+    Multipliers,
+    eigenvalues,
+    fundamental,
+    of_matrices,
+    once_round,
+    spread,
+)
 from jaxcrusher.periodic.newton import Factors
-from jaxcrusher.periodic.system import System
+from jaxcrusher.periodic.system import System, by_place_and_rate
 from jaxcrusher.periodic.trigonometric import differentiation, resample
 
 # Rounding leaves so much of the RMS, and up to 5e-15 of those of orbits with different nodes.
@@ -28,8 +38,8 @@ LEAST_ERROR = 1e-14
 BENT = 2.0
 
 
-# time, x, x', args -> a number of the motion
-Quantity = Callable[[Scalar, Array, Array, PyTree], Scalar]
+# time, x, x', args -> x'' without damping, and the quantity whose RMS is asked for
+Observed = Callable[[Scalar, Array, Array, PyTree], tuple[Array, Scalar]]
 
 
 class Family(NamedTuple):
@@ -56,15 +66,22 @@ class NodeErrors(NamedTuple):
     multipliers: Scalar
 
 
-def node_errors(
+class _Exact(NamedTuple):
+    """How the exact orbit differs from the nodes' polynomial, at equal steps."""
+
+    numbers: Array  # of a branch
+    place: Float[Array, "n dims"]
+    rate: Float[Array, "n dims"]
+
+
+def passed_on(
     system: System,
     x: Float[Array, "nodes dims"],
-    between: Between,
-    quantity: Quantity,
+    observed: Observed,
     family: Family | None = None,
     steps: int = STEPS,
-) -> NodeErrors:
-    """Estimate them from what the orbit is at equal steps, and the squares of a quantity there.
+) -> tuple[Multipliers, NodeErrors, Between]:
+    """Return the multipliers of the orbit through `x`, in `steps` or more, and what nodes leave.
 
     On a branch the exact orbit is straight across it: a fold does not make that infinite.
 
@@ -72,15 +89,67 @@ def node_errors(
     in what the next order of the defect does. So their sizes are added, and the share of the mean
     square, twice that of the RMS, is returned.
     """
-    slopes, defect, found, by_both = between
-    points, dims = defect.shape
-    size, steps = 2 * dims, max(steps // 2, 2 ** math.ceil(math.log2(points)))
-    times, place, rate = at = system.at(x, points)
-    pushes = defect[:, :, None]
+    size, points = 2 * x.shape[1], _points(x)
+    steps = max(steps // 2, 2 ** math.ceil(math.log2(points)))
+    at = system.at(x, points)
+
+    def closer(found: _Exact, _) -> tuple[_Exact, tuple[Between, Array, _Exact]]:
+        now = system if family is None else family.system(found.numbers)
+        seen = _between(now, x, at, found, observed)
+        pushes = seen.defect[:, :, None]
+        if family is not None:
+            by_numbers = jax.jacfwd(lambda p: _defect(family.system(p), x, at))(family.numbers)
+            pushes = jnp.concatenate([pushes, by_numbers.reshape(points, size // 2, -1)], axis=2)
+        before, last = fundamental(seen.slopes, system.period, steps, pushes)
+        change = _change(before, last, points, family)
+        return change, (seen, last, change)
+
+    # Twice: along the nodes' polynomial, and along the exact orbit. The equations are looked at in
+    # one place of the program, so that they are compiled once.
+    still = _unchanged(x, jnp.zeros(()) if family is None else family.numbers)
+    _, (both, lasts, changes) = jax.lax.scan(closer, still, length=2)
+    seen, change = jax.tree.map(lambda leaf: leaf[0], (both, changes))
+    coarse, moved = lasts[:, :, :size]
+    fine = once_round(seen.slopes, system.period, 2 * steps, seen.defect[:, :, None])
+    multipliers = of_matrices(coarse, fine[:, :size], fine[:, size])
+    besides = jnp.zeros(())
     if family is not None:
-        by_numbers = jax.jacfwd(lambda p: _defect(family.system(p), x, at))(family.numbers)
-        pushes = jnp.concatenate([pushes, by_numbers.reshape(points, dims, -1)], axis=2)
-    before, last = fundamental(slopes, system.period, steps, pushes)
+        along = family.system(change.numbers)
+        besides = jnp.mean(_squares(along, at, observed)) - jnp.mean(seen.squares)
+    one, other = (eigenvalues(m, jnp.all(jnp.isfinite(m))) for m in (coarse, moved))
+    apart = spread(one, other)
+    by_both = jnp.concatenate(seen.square_slopes, axis=1)
+    parts = by_both, jnp.concatenate([change.place, change.rate], axis=1)
+    by_harmonic = [jnp.fft.rfft(part, axis=0) / points for part in parts]
+    shares = jnp.sum(jnp.real(jnp.conj(by_harmonic[0]) * by_harmonic[1]), axis=1)
+    twice = np.where(np.arange(len(shares)) % (points // 2) == 0, 1.0, 2.0)
+    rms = (jnp.sum(twice * jnp.abs(shares)) + jnp.abs(besides)) / jnp.mean(seen.squares)
+    apart = jnp.where(jnp.isnan(apart), jnp.inf, BENT * apart)
+    return multipliers, NodeErrors(rms + LEAST_ERROR, apart), seen
+
+
+def between(system: System, x: Float[Array, "nodes dims"], observed: Observed) -> Between:
+    """Look at the orbit through `x` at equal steps."""
+    return _between(system, x, system.at(x, _points(x)), _unchanged(x, jnp.zeros(())), observed)
+
+
+def _unchanged(x: Float[Array, "nodes dims"], numbers: Array) -> _Exact:
+    return _Exact(numbers, *jnp.zeros((2, _points(x), x.shape[1])))
+
+
+def _points(x: Float[Array, "nodes dims"]) -> int:
+    """Return at how many equal steps an orbit is looked at."""
+    return len(x) * max(2, math.ceil(LOOKS / len(x)))
+
+
+def _change(
+    before: Float[Array, "steps size columns"],
+    last: Float[Array, "size columns"],
+    points: int,
+    family: Family | None,
+) -> _Exact:
+    """Return the motion that the defect drives and that repeats; on a branch it is across that."""
+    size = len(last)
     matrix, missed = last[:, :size], last[:, size:]
     # One motion that leads there, and those along the branch, which are none off a branch.
     wide = jnp.concatenate([jnp.eye(size) - matrix, -missed[:, 1:]], axis=1)
@@ -91,46 +160,39 @@ def node_errors(
     driven = np.eye(len(starts), 1)
     weights = jnp.concatenate([starts, driven, changes], axis=1)
     motions = resample(jnp.einsum("iab,wb->iwa", before, weights), points)
-    if family is not None:
-        scaled = changes / family.scales.ravel()[None]
-        seen = motions[:, :, :dims] / np.sqrt(points)
-        products = jnp.einsum("iwa,iva->wv", seen, seen) + scaled @ scaled.T
-        share = jnp.linalg.solve(products[1:, 1:], products[1:, 0])
-        across = jnp.append(1.0, -share)
-        motions, changes = across @ motions, across @ changes
-        exact = family.system(family.numbers + changes.reshape(family.numbers.shape))
-        besides = jnp.mean(squares(exact, at, quantity)[0]) - jnp.mean(found)
-    else:
-        motions, exact, besides = motions[:, 0], system, jnp.zeros(())
-    to_place, to_rate = jnp.split(motions, 2, axis=1)
-    moved = exact.slopes(times, place + to_place, rate + to_rate)[0]
-    matrices = matrix, fundamental(moved, system.period, steps)[1]
-    one, other = (eigenvalues(m, jnp.all(jnp.isfinite(m))) for m in matrices)
-    apart = spread(one, other)
-    both = jnp.concatenate(by_both, axis=1), jnp.concatenate([to_place, to_rate], axis=1)
-    by_harmonic = [jnp.fft.rfft(part, axis=0) / points for part in both]
-    shares = jnp.sum(jnp.real(jnp.conj(by_harmonic[0]) * by_harmonic[1]), axis=1)
-    twice = np.where(np.arange(len(shares)) % (points // 2) == 0, 1.0, 2.0)
-    rms = (jnp.sum(twice * jnp.abs(shares)) + jnp.abs(besides)) / jnp.mean(found)
-    return NodeErrors(rms + LEAST_ERROR, jnp.where(jnp.isnan(apart), jnp.inf, BENT * apart))
+    if family is None:
+        return _Exact(jnp.zeros(()), *jnp.split(motions[:, 0], 2, axis=1))
+    scaled = changes / family.scales.ravel()[None]
+    seen = motions[:, :, : size // 2] / np.sqrt(points)
+    products = jnp.einsum("iwa,iva->wv", seen, seen) + scaled @ scaled.T
+    share = jnp.linalg.solve(products[1:, 1:], products[1:, 0])
+    across = jnp.append(1.0, -share)
+    numbers = family.numbers + (across @ changes).reshape(family.numbers.shape)
+    return _Exact(numbers, *jnp.split(across @ motions, 2, axis=1))
+
+
+def _between(
+    system: System,
+    x: Float[Array, "nodes dims"],
+    at: tuple[Float[Array, " n"], Float[Array, "n dims"], Float[Array, "n dims"]],
+    change: _Exact,
+    observed: Observed,
+) -> Between:
+    """Look at the system where the motion `at` instants has changed so much."""
+    times, place, rate = at
+    instants = times, place + change.place, rate + change.rate
+    by_both = functools.partial(by_place_and_rate, observed)
+    (slopes, of_seen), (found, seen) = one_by_one(by_both, instants, system.args)
+    square_slopes = tuple(2 * seen[:, None] * slope for slope in of_seen)
+    return Between(slopes, system.defect(x, found), seen**2, square_slopes)
 
 
 def _defect(system: System, x: Array, at: tuple[Array, ...]) -> Float[Array, "n dims"]:
     return system.defect(x, one_by_one(system.acceleration, at, system.args))
 
 
-def squares(
-    system: System, at: tuple[Array, ...], quantity: Quantity
-) -> tuple[Float[Array, " n"], tuple[Float[Array, "n dims"], ...]]:
-    """Return the squares of a quantity at instants (t, x, x'), and their slopes by x and x'."""
-
-    def square(*instant: PyTree) -> tuple[Scalar, Scalar]:
-        found = quantity(*instant) ** 2
-        return found, found
-
-    by_both = jax.grad(square, argnums=(1, 2), has_aux=True)
-    slopes, found = one_by_one(by_both, at, system.args)
-    return found, slopes
+def _squares(system: System, at: tuple[Array, ...], observed: Observed) -> Float[Array, " n"]:
+    return one_by_one(observed, at, system.args)[1] ** 2
 
 
 def dual_error(
@@ -139,7 +201,7 @@ def dual_error(
     """Estimate the error that the nodes leave in the RMS of a quantity, as a share of it.
 
     The dual of the mean square says what the defect matters (Becker and Rannacher, Acta Numerica
-    10, 2001). It serves where `node_errors` overflows. It knows no harmonics but those of the
+    10, 2001). It serves where `passed_on` overflows. It knows no harmonics but those of the
     nodes: with 96 of them the true error came to 0.58 of it at most at 350 random orbits of
     crushers, and with 24 to 3.2 times it.
     """

@@ -47,7 +47,7 @@ class System(Printed):
         self, times: Float[Array, " n"], x: Float[Array, "n dims"], rate: Float[Array, "n dims"]
     ) -> tuple[tuple[Float[Array, "n dims dims"], ...], Float[Array, "n dims"]]:
         """df/dx and df/dx' at some instants, and f."""
-        by_both = functools.partial(_by_both, self.acceleration)
+        by_both = functools.partial(by_place_and_rate, self.acceleration)
         (by_x, by_rate), found = one_by_one(by_both, (times, x, rate), self.args)
         by_rate = by_rate - self._damped(jnp.eye(x.shape[1])[None])
         return (by_x, by_rate), found - self._damped(rate)
@@ -111,13 +111,11 @@ def jacobian(
 
 
 @functools.partial(jax.jit, static_argnums=0)  # traced once for all that is asked of orbits
-def _by_both(
-    acceleration: Acceleration, *instant: PyTree
-) -> tuple[tuple[Float[Array, "dims dims"], ...], Float[Array, " dims"]]:
-    """Return the slopes of an acceleration by x and x', and the acceleration."""
+def by_place_and_rate(function: Callable, *instant: PyTree) -> tuple[PyTree, PyTree]:
+    """Return the slopes of a function of an instant by x and x', and its value."""
 
-    def twice(*instant) -> tuple[Array, Array]:
-        found = acceleration(*instant)
+    def twice(*instant) -> tuple[PyTree, PyTree]:
+        found = function(*instant)
         return found, found
 
     return jax.jacfwd(twice, argnums=(1, 2), has_aux=True)(*instant)
