@@ -114,9 +114,15 @@ def print_what_differs_on_two_workers():
     """Print names of maps of orbits and of basins that have other bits on a cluster."""
     axes = {"speed": np.linspace(27.0, 40.0, 9), "clearance": [0.05e-3, 0.12e-3]}
     few = {"speed": [27.0, 30.0]}, {"starts": 4, "turns": 100, "spread": 0.02}
+    # Slopes of ideal joints, which are compiled in no time, go the same way.
+    ideal, speeds = jc.paper_machine(joint="ideal"), {"speed": np.linspace(27.0, 40.0, 40)}
     with local_workers("2") as client:
-        for make, over, how in ((orbit_map, axes, {"slopes": SLOPES}), (jc.basin_map, *few)):
-            here, there = (make(PAPER, over, **how, scheduler=one) for one in (None, client))
+        for make, machine, over, how in (
+            (orbit_map, PAPER, axes, {}),
+            (orbit_map, ideal, speeds, {"slopes": ("speed",)}),
+            (jc.basin_map, PAPER, *few),
+        ):
+            here, there = (make(machine, over, **how, scheduler=one) for one in (None, client))
             for name in here:
                 one, other = here[name].values, there[name].values
                 words = one.dtype.kind == "O"

@@ -71,7 +71,6 @@ def test_turns_for_slopes_are_those_of_a_lone_search():
 
 
 @pytest.mark.slow
-@pytest.mark.optimised
 def test_a_cell_of_a_map_is_a_lone_answer():
     """An orbit from rest, one that has doubled, chaos, and a pair that has left the unit circle."""
     paper, hit = jc.paper_machine(), jc.paper_machine(load_law="closing_stroke")
