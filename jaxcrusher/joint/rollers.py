@@ -12,11 +12,12 @@ left of Sjovall's integrals is smooth in q from 0 to 1/2, so that a fixed Gauss 
 rounding.
 """
 
+import functools
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Scalar
-from scipy.special import roots_gegenbauer
+from jaxtyping import Float, Scalar
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.checks import require
@@ -36,25 +37,27 @@ EXPONENT = 10 / 9
 _NODES = 20
 
 
-def _rule(exponent: float) -> list[tuple[float, float]]:
-    """Return x^2 and weight of Gauss's rule for (1 - x^2)^exponent on [0, 1], of even functions."""
+@functools.cache
+def _rule(exponent: float) -> tuple[Float[np.ndarray, " half"], Float[np.ndarray, " half"]]:
+    """Return x^2 and weights of Gauss's rule for (1 - x^2)^exponent on [0, 1], of even ones."""
+    # Only rollers need it, and to import it takes a tenth of the package's time.
+    from scipy.special import roots_gegenbauer
+
     nodes, weights = roots_gegenbauer(_NODES, exponent + 0.5)
     half = nodes > 0
-    return list(zip((nodes[half] ** 2).tolist(), weights[half].tolist(), strict=True))
-
-
-_FORCE, _ENERGY = _rule(EXPONENT), _rule(EXPONENT + 1)
+    return nodes[half] ** 2, weights[half]
 
 
 def force_factor(q: Scalar) -> Scalar:
     """Return (1 / 2 pi) int (1 - x^2)^(10/9) cos psi dpsi over sqrt(q)."""
-    total = sum(w * (1 - 2 * q * x) / jnp.sqrt(1 - q * x) for x, w in _FORCE)
-    return 2 / np.pi * jnp.asarray(total)
+    squares, weights = _rule(EXPONENT)
+    return 2 / np.pi * jnp.sum(weights * (1 - 2 * q * squares) / jnp.sqrt(1 - q * squares))
 
 
 def energy_factor(q: Scalar) -> Scalar:
     """Return (1 / 2 pi) int (1 - x^2)^(19/9) dpsi over sqrt(q)."""
-    return 2 / np.pi * jnp.asarray(sum(w / jnp.sqrt(1 - q * x) for x, w in _ENERGY))
+    squares, weights = _rule(EXPONENT + 1)
+    return 2 / np.pi * jnp.sum(weights / jnp.sqrt(1 - q * squares))
 
 
 def damping_shares(root: Scalar) -> tuple[Scalar, Scalar]:

@@ -155,10 +155,8 @@ def acceleration_and_force(
 
 
 def _acceleration(seen: Snapshot, x: Array, rate: Array, scene: Scene) -> Float[Array, " dims"]:
-    change, square = (
-        scene.formulation.rate(seen, state(x, rate, scene), scene),
-        scene.drive.speed**2,
-    )
+    change = scene.formulation.rate(seen, state(x, rate, scene), scene)
+    square = scene.drive.speed**2
     frame = None if change.frame is None else (change.frame.velocity, change.frame.spin)
     second = zip(jax.tree.leaves((change.parts.rates, frame)), _units(scene), strict=True)
     return jnp.stack([one / (unit * square) for one, unit in second])

@@ -126,7 +126,7 @@ def unaccounted(scene):
         return left, jnp.maximum(jnp.abs(force.array()).max(), jnp.abs(moment)) / size
 
     times = 2 * jnp.pi * INSTANTS / scene.drive.speed
-    return jax.tree.map(jnp.max, jax.vmap(at)(times))
+    return jax.tree.map(jnp.max, jax.lax.map(at, times))
 
 
 def _pushes(s, scene):

@@ -143,18 +143,20 @@ def test_maps_on_two_workers_have_the_same_bits():
     assert done.stdout == ""
 
 
-def _with_law(gap):
-    return jc.paper_scene(27.0, gap * 1e-3)
+def _by_speed(rpm):
+    """Return a scene of ideal joints, whose orbits are sums that are compiled in no time."""
+    return jc.paper_scene(2 * np.pi / 60 * rpm, 5e-5, joint="ideal")
 
 
 @pytest.mark.slow
 def test_a_scene_function_of_ones_own():
-    found = orbit_map(_with_law, {"gap": [0.05, 0.06]}, slopes=("gap",))
-    machine = jc.paper_machine(speed=27.0)
-    same = orbit_map(machine, {"clearance": [5e-5, 6e-5]}, slopes=("clearance",))
+    found = orbit_map(_by_speed, {"rpm": [250.0, 300.0]}, slopes=("rpm",))
+    speeds = 2 * np.pi / 60 * found.rpm.values
+    machine = jc.paper_machine(joint="ideal")
+    same = orbit_map(machine, {"speed": speeds}, slopes=("speed",))
     np.testing.assert_allclose(found.foundation_rms, same.foundation_rms, rtol=1e-12)
-    # Per mm instead of per m.
-    np.testing.assert_allclose(found.slope[:, 0], same.slope[:, 0] * 1e-3, rtol=1e-9)
+    # Per rpm instead of per rad/s.
+    np.testing.assert_allclose(found.slope[:, 0], same.slope[:, 0] * 2 * np.pi / 60, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -183,11 +185,11 @@ def test_public_name():
 @pytest.mark.slow
 def test_a_store_keeps_other_programs_of_the_same_numbers_apart(tmp_path):
     """Choices are in the program of a cell and not among its numbers."""
-    axes, settings = {"slip": ["centre", "surface"], "speed": [27.0]}, {"nodes": 96}
-    machine = jc.paper_machine(clearance=5e-5)
-    whole = orbit_map(machine, axes, **settings)
-    kept = orbit_map(machine, axes, **settings, store=tmp_path / "map")
-    centre, surface = whole.foundation_rms.values[:, 0]
-    # Friction between the surfaces takes some 400 N off.
-    assert centre - surface > 100
+    axes = {"load_law": ["normal_to_jaw", "closing_stroke"], "speed": [27.0]}
+    machine = jc.paper_machine(joint="ideal", load=20e3)
+    whole = orbit_map(machine, axes)
+    kept = orbit_map(machine, axes, store=tmp_path / "map")
+    always, closing = whole.foundation_rms.values[:, 0]
+    # A load that rests for half of a turn.
+    assert always - closing > 1000
     np.testing.assert_array_equal(kept.foundation_rms, whole.foundation_rms)
