@@ -115,15 +115,9 @@ def print_what_differs_on_two_workers():
     """Print names of maps of orbits and of basins that have other bits on a cluster."""
     axes = {"speed": np.linspace(27.0, 40.0, 9), "clearance": [0.05e-3, 0.12e-3]}
     few = {"speed": [27.0, 30.0]}, {"starts": 4, "turns": 100, "spread": 0.02}
-    # Slopes of ideal joints, which are compiled in no time, go the same way.
-    ideal, speeds = jc.paper_machine(joint="ideal"), {"speed": np.linspace(27.0, 40.0, 40)}
     with local_workers("2") as client:
-        for make, machine, over, how in (
-            (orbit_map, PAPER, axes, {}),
-            (orbit_map, ideal, speeds, {"slopes": ("speed",)}),
-            (jc.basin_map, PAPER, *few),
-        ):
-            here, there = (make(machine, over, **how, scheduler=one) for one in (None, client))
+        for make, over, how in ((orbit_map, axes, {"slopes": SLOPES}), (jc.basin_map, *few)):
+            here, there = (make(PAPER, over, **how, scheduler=one) for one in (None, client))
             for name in here:
                 one, other = here[name].values, there[name].values
                 words = one.dtype.kind == "O"
@@ -146,20 +140,18 @@ def test_maps_on_two_workers_have_the_same_bits():
     assert done.stdout == ""
 
 
-def _by_speed(rpm):
-    """Return a scene of ideal joints, whose orbits are sums that are compiled in no time."""
-    return jc.paper_scene(2 * np.pi / 60 * rpm, 5e-5, joint="ideal")
+def _with_law(gap):
+    return jc.paper_scene(27.0, gap * 1e-3)
 
 
 @pytest.mark.slow
 def test_a_scene_function_of_ones_own():
-    found = orbit_map(_by_speed, {"rpm": [250.0, 300.0]}, slopes=("rpm",))
-    speeds = 2 * np.pi / 60 * found.rpm.values
-    machine = jc.paper_machine(joint="ideal")
-    same = orbit_map(machine, {"speed": speeds}, slopes=("speed",))
+    found = orbit_map(_with_law, {"gap": [0.05, 0.06]}, slopes=("gap",))
+    machine = jc.paper_machine(speed=27.0)
+    same = orbit_map(machine, {"clearance": [5e-5, 6e-5]}, slopes=("clearance",))
     np.testing.assert_allclose(found.foundation_rms, same.foundation_rms, rtol=1e-12)
-    # Per rpm instead of per rad/s.
-    np.testing.assert_allclose(found.slope[:, 0], same.slope[:, 0] * 2 * np.pi / 60, rtol=1e-9)
+    # Per mm instead of per m.
+    np.testing.assert_allclose(found.slope[:, 0], same.slope[:, 0] * 1e-3, rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -188,11 +180,11 @@ def test_public_name():
 @pytest.mark.slow
 def test_a_store_keeps_other_programs_of_the_same_numbers_apart(tmp_path):
     """Choices are in the program of a cell and not among its numbers."""
-    axes = {"load_law": ["normal_to_jaw", "closing_stroke"], "speed": [27.0]}
-    machine = jc.paper_machine(joint="ideal", load=20e3)
-    whole = orbit_map(machine, axes)
-    kept = orbit_map(machine, axes, store=tmp_path / "map")
-    always, closing = whole.foundation_rms.values[:, 0]
-    # A load that rests for half of a turn.
-    assert always - closing > 1000
+    axes, settings = {"slip": ["centre", "surface"], "speed": [27.0]}, {"nodes": 96}
+    machine = jc.paper_machine(clearance=5e-5)
+    whole = orbit_map(machine, axes, **settings)
+    kept = orbit_map(machine, axes, **settings, store=tmp_path / "map")
+    centre, surface = whole.foundation_rms.values[:, 0]
+    # Friction between the surfaces takes some 400 N off.
+    assert centre - surface > 100
     np.testing.assert_array_equal(kept.foundation_rms, whole.foundation_rms)
