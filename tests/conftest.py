@@ -18,8 +18,9 @@ import pytest
 # writes LLVM's text, and what only writes and asks. Rooms that the package itself calls most are
 # left out, which takes a fifth off the quick tests' time: `tests/whole/test_signatures.py` asks for
 # them, of the tests of these rooms alone.
+CHECKED = "JAXCRUSHER_CHECKED" in os.environ
 ROOMS = "crusher scenes motion orbits batch dynamics identification pictures sheets".split()
-ROOMS += "basics joint mechanism".split() if "JAXCRUSHER_CHECKED" in os.environ else []
+ROOMS += "basics joint mechanism".split() if CHECKED else []
 jaxtyping.install_import_hook(
     [f"jaxcrusher.{name}" for name in ROOMS],
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
@@ -64,7 +65,8 @@ PASSES = (
     "reshape-mover",
     "hlo-verifier",
 )
-os.environ["XLA_FLAGS"] = f"{FLAGS} --xla_disable_hlo_passes={','.join(PASSES)}"
+FEWER_PASSES = f"{FLAGS} --xla_disable_hlo_passes={','.join(PASSES)}"
+os.environ["XLA_FLAGS"] = FEWER_PASSES
 jax.devices()
 os.environ["XLA_FLAGS"] = FLAGS
 
@@ -93,12 +95,29 @@ TRACES, USUAL = 10, 0.015
 QUICK = 20
 
 
+TESTS = pathlib.Path(__file__).parent
+# Files of tests of which each takes minutes.
+LONGEST = (
+    "notebooks/test_run.py",
+    "optimize/test_search.py",
+    "whole/test_docs.py",
+    "scenes/test_linkages.py",
+    "mechanism/test_any_linkage.py",
+    "orbits/test_bifurcation_curve.py",
+    "whole/test_signatures.py",
+)
+
+
 def pytest_addoption(parser):
     parser.addoption("--all", action="store_true", help="run slow tests too")
 
 
 def pytest_collection_modifyitems(config, items):
-    """Leave slow tests out unless they are named; put `optimised` ones last in their file."""
+    """Leave slow tests out unless they are named, and order the others.
+
+    Files that take longest come first, so that all workers end together, and `optimised` tests come
+    last in their file.
+    """
     named = [arg.split("::")[0] for arg in config.args if "::" in arg]
     named = {(config.invocation_params.dir / path).resolve() for path in named}
 
@@ -108,10 +127,14 @@ def pytest_collection_modifyitems(config, items):
     if not config.getoption("all"):
         config.hook.pytest_deselected(items=[item for item in items if left_out(item)])
         items[:] = [item for item in items if not left_out(item)]
+    if CHECKED:  # of the numbers that a test is tried with two tell what types there are
+        tests = itertools.groupby(items, key=lambda item: (item.path, item.originalname))
+        items[:] = [item for _, cases in tests for item in itertools.islice(cases, 2)]
     files = [
         sorted(group, key=lambda item: item.get_closest_marker("optimised") is not None)
         for _, group in itertools.groupby(items, key=lambda item: item.path)
     ]
+    files.sort(key=lambda group: str(group[0].path.relative_to(TESTS)) not in LONGEST)
     items[:] = itertools.chain.from_iterable(files)
 
 
@@ -153,6 +176,18 @@ def forget_programs():
         gc.collect()
         if known:  # glibc keeps what is freed: memory would seem full after each file that follows
             getattr(ctypes.CDLL(None), "malloc_trim", lambda _: None)(0)
+
+
+@pytest.fixture(scope="module")
+def compiled_once():
+    """Processes that a file's tests start compile as these do, so they read what these have.
+
+    For a whole file: the key of a program holds the flags of the environment.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XLA_FLAGS", FEWER_PASSES)
+        patch.setenv("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
+        yield
 
 
 @pytest.fixture(scope="module")

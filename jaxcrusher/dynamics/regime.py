@@ -157,7 +157,7 @@ def judged(
         f"spread changes by {100 * trend:.0f} %",
     ]
     # Without that test a growth that a swing may have too is none.
-    grows = exponents.positive and (zero_one is not None or largest > indicators.CHAOS)
+    grows = bool(exponents.positive and (zero_one is not None or largest > indicators.CHAOS))
     name = indicators.verdict(
         period, grows, zero_one, trending=significant, neutral=exponents.neutral
     )

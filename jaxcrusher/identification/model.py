@@ -1,5 +1,6 @@
 """What a machine shows at a point of its numbers: harmonics, RMS values and statistics."""
 
+import functools
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -129,19 +130,27 @@ class Quantities:
         return What(seen, max(orders), whole, along)
 
 
+@functools.partial(jax.jit, static_argnums=(1, 2))
+def _shown(numbers: Any, rest: tuple[Any, ...], structure: Any) -> dict[str, Array]:
+    """Return all observables of a scene at rest, whose shapes a trace tells; JAX keeps the trace.
+
+    The scene comes in two parts: its numbers, and the leaves and the structure of all else.
+    """
+    scene = eqx.combine(numbers, jax.tree.unflatten(structure, rest))
+    state = scene.formulation.initial(scene)
+    snapshot = scene.formulation.snapshot(jnp.zeros(()), state, scene)
+    return {name: one(snapshot, scene) for name, one in scene.observables.items()}
+
+
 def quantities_of(scene: Scene) -> Quantities:
     """Return what a scene shows."""
-
-    def shapes(scene: Scene) -> dict[str, Array]:
-        snapshot = scene.formulation.snapshot(
-            jnp.zeros(()), scene.formulation.initial(scene), scene
-        )
-        return {name: one(snapshot, scene) for name, one in scene.observables.items()}
-
     observables = {name: one.unit for name, one in scene.observables.items()}
     statistics = {name: one.unit for name, one in scene.statistics.items()}
     meanings = {name: one.meaning for name, one in scene.observables.items()}
-    seen = eqx.filter_eval_shape(shapes, scene.steady())
+    traced = (jax.Array, np.ndarray, np.generic)
+    numbers, others = eqx.partition(scene.steady(), lambda leaf: isinstance(leaf, traced))
+    rest, structure = jax.tree.flatten(others)
+    seen = _shown.eval_shape(numbers, tuple(rest), structure)
     vectors = frozenset(name for name, one in seen.items() if one.ndim)
     drive, angles = scene.drive, np.linspace(0, 2 * np.pi, SAMPLES + 1)
     if drive.initial() is None:

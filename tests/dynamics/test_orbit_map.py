@@ -1,8 +1,5 @@
 """Periodic orbits over a grid: each cell as if it were alone, failures with their reasons."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,8 +8,8 @@ from jaxcrusher.batch.cluster import local_workers
 from jaxcrusher.batch.engines import in_turn
 from jaxcrusher.dynamics import many_orbits as orbits
 from jaxcrusher.dynamics.orbit_map import orbit_map
-from tests.processes import ended
 
+pytestmark = pytest.mark.usefixtures("compiled_once")
 SLOPES, PAPER = ("speed", "clearance"), jc.paper_machine()
 
 
@@ -111,10 +108,12 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
         orbit_map(**asked, store=tmp_path / "map", engine=engine, period=2)
 
 
-def print_what_differs_on_two_workers():
-    """Print names of maps of orbits and of basins that have other bits on a cluster."""
+@pytest.mark.slow
+def test_maps_on_two_workers_have_the_same_bits():
+    pytest.importorskip("distributed")
     axes = {"speed": np.linspace(27.0, 40.0, 9), "clearance": [0.05e-3, 0.12e-3]}
     few = {"speed": [27.0, 30.0]}, {"starts": 4, "turns": 100, "spread": 0.02}
+    differ = []
     with local_workers("2") as client:
         for make, over, how in ((orbit_map, axes, {"slopes": SLOPES}), (jc.basin_map, *few)):
             here, there = (make(PAPER, over, **how, scheduler=one) for one in (None, client))
@@ -122,22 +121,8 @@ def print_what_differs_on_two_workers():
                 one, other = here[name].values, there[name].values
                 words = one.dtype.kind == "O"
                 if not ((one == other).all() if words else one.tobytes() == other.tobytes()):
-                    print(name)
-
-
-@pytest.mark.slow
-def test_maps_on_two_workers_have_the_same_bits():
-    """In a process that compiles as its workers do."""
-    pytest.importorskip("distributed")
-    program = (
-        "import jaxcrusher; jaxcrusher.set_up(); from tests.dynamics import test_orbit_map; "
-        "test_orbit_map.print_what_differs_on_two_workers()"
-    )
-    # Without optimisation, as tests are compiled: in half the time.
-    env = os.environ | {"JAX_DISABLE_MOST_OPTIMIZATIONS": "1"}
-    done = ended("-c", program, cwd=Path(__file__).parents[2], env=env)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == ""
+                    differ.append(name)
+    assert differ == []
 
 
 def _with_law(gap):

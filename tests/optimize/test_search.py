@@ -54,6 +54,7 @@ from tests.optimize.by_hand import (
     solution_by_hand,
 )
 
+pytestmark = pytest.mark.usefixtures("compiled_once")
 SMALL = dict(cells=(7, 4), grid=(4, 2), settle=2, turns=2, steps=6, refine=1, runs=2)
 EXAMPLE = Path(__file__).parents[2] / "examples" / "pe250x400.toml"
 # The paper's crusher, compared with at 30 rad/s and 0.06 mm. In this box every point of the map has
@@ -1325,11 +1326,9 @@ def test_keys_of_a_journal_hold_values():
 
 
 @pytest.mark.slow
-def test_a_search_on_two_workers_finds_the_same(tmp_path, monkeypatch):
-    """Map, landscape and motions are of several chunks. This process compiles as no worker does."""
+def test_a_search_on_two_workers_finds_the_same(tmp_path):
+    """Map, landscape and motions are of several chunks."""
     pytest.importorskip("distributed")
-    # Workers compile without optimisation too: in half the time.
-    monkeypatch.setenv("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
     asked = QUIET | {"cells": (9, 5), "grid": (9, 8), "out": tmp_path}
     here, there = (
         design_search(Options(name=str(one), scheduler=one, **asked), Console(quiet=True))
