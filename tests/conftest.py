@@ -138,6 +138,12 @@ def pytest_collection_modifyitems(config, items):
     items[:] = itertools.chain.from_iterable(files)
 
 
+def pytest_runtest_logreport(report):
+    """Say at once what failed, for a run that is stopped before its end."""
+    if report.failed and "PYTEST_XDIST_WORKER" not in os.environ:
+        print(f"\n{report.nodeid}\n{report.longreprtext[-1000:]}", flush=True)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
     """Its fixtures are compiled as the test is that comes first."""

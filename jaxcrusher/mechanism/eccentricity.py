@@ -12,7 +12,7 @@ from jaxcrusher.basics.record import Record
 from jaxcrusher.joint.clearance import AbstractGap, Contact
 from jaxcrusher.mechanism.drives import CrankState
 from jaxcrusher.mechanism.equations import solve
-from jaxcrusher.mechanism.motion import moving
+from jaxcrusher.mechanism.motion import Motion, moving
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.scene import AbstractFormulation, Scene
 from jaxcrusher.mechanism.snapshot import Snapshot
@@ -67,13 +67,17 @@ class EccentricityFormulation(AbstractFormulation):
         joints = scene.joints.map(one, *start_of(scene).eccentricities(scene))
         return EccentricityState(joints, scene.drive.initial(), initial_frame(scene))
 
+    def motion(self, time: Scalar, state: EccentricityState, scene: Scene) -> Motion:
+        """Return the motion of a crank and of eccentricities."""
+        parts = state.parts
+        e = scene.joints.map(lambda one, at: one.clearance * at, parts.eccentricities)
+        return moving(scene.linkage, scene.drive.crank(time, state.crank), e, parts.rates)
+
     def snapshot(self, time: Scalar, state: EccentricityState, scene: Scene) -> Snapshot:
         """Return an instant: places first, then the forces, then the accelerations."""
-        parts = state.parts
-        frame = None if parts.frame is None else frame_units(scene).motion(parts.frame)
-        e = scene.joints.map(lambda one, at: one.clearance * at, parts.eccentricities)
-        motion = moving(scene.linkage, scene.drive.crank(time, state.crank), e, parts.rates)
-        contacts = contacts_of(scene, motion, parts.memories)
+        frame = None if state.frame is None else frame_units(scene).motion(state.frame)
+        motion = self.motion(time, state, scene)
+        contacts = contacts_of(scene, motion, state.parts.memories)
         torque = scene.drive.torque(time, motion.crank)
         return snapshot_of(scene, motion, contacts, torque, frame, solve)
 

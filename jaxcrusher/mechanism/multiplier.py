@@ -87,10 +87,32 @@ class MultiplierFormulation(AbstractFormulation):
         memories = scene.joints.map(lambda joint: joint.initial_memory())
         return MultiplierState(Named(position), Named(velocity), memories, initial_frame(scene))
 
+    def motion(self, time: Scalar, state: MultiplierState, scene: Scene) -> Motion:
+        """Return the motion of a state; its loose joints have the eccentricities that they show."""
+        linkage, poses = scene.linkage, {}
+        for name, at in state.position.items():
+            one, rate = linkage.bodies.at(name), state.velocity.at(name) * (1 / CONTACT_TIME)
+            axis = direction(at.angle)
+            poses[name] = Pose(axis, rate.angle, one.mass_centre, at.centre, rate.centre)
+        turning = Crank(state.position.at(linkage.crank).angle, poses[linkage.crank].spin)
+        motion = Motion(linkage, turning, Named(poses), Named(), Named())
+        gaps = {n: _apart(motion, one) for n, one in linkage.joints.items() if n in scene.joints}
+        for name, slide in linkage.slides.items():
+            if name in scene.joints:
+                across, at = slide.direction.perp(), state.position.at(slide.body).angle
+                turned = at, state.velocity.at(slide.body).angle / CONTACT_TIME
+                (e, rate), half = _apart(motion, slide.ends), slide.half_length
+                gaps[name] = (
+                    Vector(across.dot(e), half * turned[0]),
+                    Vector(across.dot(rate), half * turned[1]),
+                )
+        e, rates = ({name: gap[part] for name, gap in gaps.items()} for part in (0, 1))
+        return dataclasses.replace(motion, eccentricities=Named(e), rates=Named(rates))
+
     def snapshot(self, time: Scalar, state: MultiplierState, scene: Scene) -> Snapshot:
         """Return an instant: solve (20) for the accelerations and the multipliers."""
         frame = None if state.frame is None else frame_units(scene).motion(state.frame)
-        motion = _motion(scene, state)
+        motion = self.motion(time, state, scene)
         contacts = contacts_of(scene, motion, state.memories)
         torque = scene.drive.torque(time, motion.crank)
         solve = functools.partial(self._solved, time, scene)
@@ -179,29 +201,6 @@ class MultiplierFormulation(AbstractFormulation):
         """
         sizes = [joint.clearance for joint in scene.joints.values] or [scene.throw]
         return jnp.maximum(rtol * functools.reduce(jnp.minimum, sizes), 2e-14)
-
-
-def _motion(scene: Scene, state: MultiplierState) -> Motion:
-    """Return the motion of a state; its loose joints have the eccentricities that they show."""
-    linkage, poses = scene.linkage, {}
-    for name, at in state.position.items():
-        one, rate = linkage.bodies.at(name), state.velocity.at(name) * (1 / CONTACT_TIME)
-        axis = direction(at.angle)
-        poses[name] = Pose(axis, rate.angle, one.mass_centre, at.centre, rate.centre)
-    turning = Crank(state.position.at(linkage.crank).angle, poses[linkage.crank].spin)
-    motion = Motion(linkage, turning, Named(poses), Named(), Named())
-    gaps = {n: _apart(motion, one) for n, one in linkage.joints.items() if n in scene.joints}
-    for name, slide in linkage.slides.items():
-        if name in scene.joints:
-            across, at = slide.direction.perp(), state.position.at(slide.body).angle
-            turned = at, state.velocity.at(slide.body).angle / CONTACT_TIME
-            (e, rate), half = _apart(motion, slide.ends), slide.half_length
-            gaps[name] = (
-                Vector(across.dot(e), half * turned[0]),
-                Vector(across.dot(rate), half * turned[1]),
-            )
-    e, rates = ({name: gap[part] for name, gap in gaps.items()} for part in (0, 1))
-    return dataclasses.replace(motion, eccentricities=Named(e), rates=Named(rates))
 
 
 def _apart(motion: Motion, joint: Joint) -> tuple[Vector, Vector]:

@@ -30,6 +30,7 @@ from jaxcrusher.joint.rollers import RollerBearing
 from jaxcrusher.mechanism.acting import AbstractPush, Spring
 from jaxcrusher.mechanism.drives import AbstractDrive
 from jaxcrusher.mechanism.linkage import Linkage, Point
+from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.quantities import LACKING, Asked, Parts, Template, asked_of
 from jaxcrusher.mechanism.reductions import Chosen, Statistic
@@ -339,6 +340,10 @@ class AbstractFormulation(eqx.Module):
     @abc.abstractmethod
     def initial(self, scene: Scene) -> PyTree[Scalar]:
         """Return the state at time zero."""
+
+    @abc.abstractmethod
+    def motion(self, time: Scalar, state: PyTree[Scalar], scene: Scene) -> Motion:
+        """Return all places and velocities at a state, without a force."""
 
     @abc.abstractmethod
     def snapshot(self, time: Scalar, state: PyTree[Scalar], scene: Scene) -> Snapshot:

@@ -19,6 +19,7 @@ from jaxcrusher.mechanism.snapshot import frame_at
 from jaxcrusher.mechanism.starts import Given
 from jaxcrusher.mechanism.state import frame_units
 from jaxcrusher.mechanism.topology import FRAME
+from tests.instants import at_state
 
 LOOSE = {f"{joint}.clearance": 1e-4 for joint in ("elbow", "pivot")}
 KINDS = {
@@ -106,12 +107,13 @@ def unaccounted(scene):
         formulation = scene.formulation
         state = moving(turned(scene, time))
 
-        def energy(time, state):
-            s = formulation.snapshot(time, state, scene)
-            parts = (general.kinetic_energy, general.potential_energy, general.elastic_energy)
-            return sum(part(s, scene) for part in parts)
-
         s = formulation.snapshot(time, state, scene)
+
+        def energy(time, state):
+            at = at_state(s, time, state, scene)
+            parts = (general.kinetic_energy, general.potential_energy, general.elastic_energy)
+            return sum(part(at, scene) for part in parts)
+
         rate = formulation.rate(s, state, scene)
         _, change = jax.jvp(energy, (time, state), (jnp.array(1.0), rate))
         inputs = general.drive_power(s, scene), push_power(s, scene)

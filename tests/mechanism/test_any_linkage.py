@@ -19,6 +19,7 @@ from jaxcrusher.mechanism.observables import friction_loss, kinetic_energy, pote
 from jaxcrusher.mechanism.starts import Given, InContact
 from jaxcrusher.mechanism.supports import OnSupports
 from jaxcrusher.mechanism.topology import FRAME
+from tests.instants import at_state
 from tests.pairs import slow
 
 SUPPORTS = OnSupports(
@@ -152,7 +153,7 @@ def test_power_and_formulations(machine, linkages, name, loose, drive, frame):
         rate = scene.formulation.rate(s, state, scene)
 
         def stored(time, state):
-            return energy(scene.formulation.snapshot(time, state, scene), scene)
+            return energy(at_state(s, time, state, scene), scene)
 
         _, change = jax.jvp(stored, (time, state), (jnp.ones(()), rate))
         found = s.accelerations
