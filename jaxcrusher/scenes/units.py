@@ -8,14 +8,16 @@ import re
 from collections.abc import Iterable, Mapping
 from decimal import Decimal
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from unicodedata import normalize
 
 import numpy as np
-import pint
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.scenes.parameters import DRAWN_IN, NUMBERS, POINTS, key_of, readable
+
+if TYPE_CHECKING:
+    import pint
 
 # A rotational speed as data sheets write it, in any case; elsewhere "1/min" may be another rate.
 _TURNS_A_MINUTE = ("1/min", "min-1", "min^-1", "min**-1", "rpm", "upm")
@@ -89,7 +91,7 @@ def quantity_in(unit: str, name: str, text: str) -> float:
     registry = _registry()
     try:
         wanted = parse_unit(unit)
-    except (pint.UndefinedUnitError, ValueError):
+    except _no_unit():
         must = 'be of a law that gives its field a known unit, such as "N/m^1.5"'
         require(False, name, must, f"in {unit!r}")
     try:
@@ -105,8 +107,7 @@ def quantity_in(unit: str, name: str, text: str) -> float:
             f"Argument `{name}` must be {_wanted(unit)}, but {text!r} has an exponent of too many "
             "digits."
         ) from None
-    # TypeError: decibel and the like; KeyError: an exponent of zero.
-    except (pint.UndefinedUnitError, ValueError, TypeError, KeyError):
+    except _no_unit():
         raise ValueError(
             f"Argument `{name}` must have a unit of the kind {unit}, but {written!r} is unknown"
             f"{_meant(unit, written)}"
@@ -145,14 +146,28 @@ def _meant(unit: str, written: str) -> str:
 # A `pint.UnitRegistry`, which beartype cannot check as pint writes it for Python 3.12 and later.
 @cache
 def _registry() -> Any:
-    """Decimal, so that "0.06 mm" is the float 0.06e-3."""
+    """Decimal, so that "0.06 mm" is the float 0.06e-3.
+
+    Pint takes an eighth of the time that the package is imported in, and numbers in SI units need
+    none of it.
+    """
+    import pint
+
     registry = pint.UnitRegistry(non_int_type=Decimal)  # pyright: ignore
     for known, alias in (("turn", "rev"), ("metric_horsepower", "PS"), ("force_kilogram", "kp")):
         registry.define(f"@alias {known} = {alias}")
     return registry
 
 
-def parse_unit(text: str) -> pint.Unit:
+def _no_unit() -> tuple[type[Exception], ...]:
+    """Return what pint raises for a text that is no unit."""
+    import pint
+
+    # TypeError: decibel and the like; KeyError: an exponent of zero.
+    return pint.UndefinedUnitError, ValueError, TypeError, KeyError
+
+
+def parse_unit(text: str) -> "pint.Unit":
     """Return the unit of a text such as "kg m2"; "1" is that of a number without one."""
     if text == "1":
         return _registry().dimensionless
@@ -246,7 +261,7 @@ def size_of(unit: str) -> float | None:
     """Return what one of a unit is in SI units; None for an unknown one, and for a bare number."""
     try:
         size = _registry().Quantity(Decimal(1), parse_unit(unit)).to_base_units()
-    except (pint.UndefinedUnitError, ValueError, TypeError, KeyError):
+    except _no_unit():
         return None
     if size.units == _registry().dimensionless:
         return None

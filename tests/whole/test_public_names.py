@@ -13,6 +13,17 @@ def test_import_brings_no_jax():
     assert done.returncode == 0, done.stderr
 
 
+def test_a_scene_by_numbers_brings_no_units_tables_and_pictures():
+    """Each of them takes as long to import as an orbit takes to solve for."""
+    heavy = "{'pint', 'dask', 'xarray', 'matplotlib', 'scipy.integrate', 'zarr', 'numba'}"
+    program = (
+        "import jaxcrusher as jc, sys; jc.set_up(); jc.paper_scene(30.0, 6e-5); jc.periodic_orbit; "
+        f"assert not {heavy} & set(sys.modules), {heavy} & set(sys.modules)"
+    )
+    done = ended("-c", program)
+    assert done.returncode == 0, done.stderr
+
+
 def test_every_name_of_the_package_is_there():
     names = dir(jc)
     assert len(names) > 20 and {"simulate", "Scene", "STATISTICS"} < set(names)
