@@ -18,9 +18,8 @@ import pytest
 # writes LLVM's text, and what only writes and asks. Rooms that the package itself calls most are
 # left out, which takes a fifth off the quick tests' time: `tests/whole/test_signatures.py` asks for
 # them, of the tests of these rooms alone.
-CHECKED = "JAXCRUSHER_CHECKED" in os.environ
 ROOMS = "crusher scenes motion orbits batch dynamics identification pictures sheets".split()
-ROOMS += "basics joint mechanism".split() if CHECKED else []
+ROOMS += "basics joint mechanism".split() if "JAXCRUSHER_CHECKED" in os.environ else []
 jaxtyping.install_import_hook(
     [f"jaxcrusher.{name}" for name in ROOMS],
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
@@ -127,9 +126,6 @@ def pytest_collection_modifyitems(config, items):
     if not config.getoption("all"):
         config.hook.pytest_deselected(items=[item for item in items if left_out(item)])
         items[:] = [item for item in items if not left_out(item)]
-    if CHECKED:  # of the numbers that a test is tried with two tell what types there are
-        tests = itertools.groupby(items, key=lambda item: (item.path, item.originalname))
-        items[:] = [item for _, cases in tests for item in itertools.islice(cases, 2)]
     files = [
         sorted(group, key=lambda item: item.get_closest_marker("optimised") is not None)
         for _, group in itertools.groupby(items, key=lambda item: item.path)

@@ -14,7 +14,7 @@ def test_import_brings_no_jax():
 
 
 def test_a_scene_by_numbers_brings_no_units_tables_and_pictures():
-    """Each of them takes as long to import as an orbit takes to solve for."""
+    """They take long to import, and no orbit needs them."""
     heavy = "{'pint', 'dask', 'xarray', 'matplotlib', 'scipy.integrate', 'zarr', 'numba'}"
     program = (
         "import jaxcrusher as jc, sys; jc.set_up(); jc.paper_scene(30.0, 6e-5); jc.periodic_orbit; "

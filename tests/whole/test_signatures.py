@@ -13,8 +13,6 @@ ROOT = pathlib.Path(__file__).parents[2]
 @pytest.mark.slow
 def test_quick_tests_of_these_rooms_pass_with_their_signatures_checked():
     words = "-m pytest -o addopts= -q --tb=short".split()
-    # What these start are processes of their own, which check nothing.
-    words += ["--ignore=tests/basics/test_setup.py"]
     rooms = [f"tests/{room}" for room in ("basics", "joint", "mechanism")]
     run = ended(*words, *rooms, cwd=ROOT, env=os.environ | {"JAXCRUSHER_CHECKED": "all"})
     assert run.returncode == 0, run.stdout[-3000:]
