@@ -6,7 +6,7 @@ many of them ask for, all at once, in a fraction of the time.
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any
 
 import equinox as eqx
@@ -32,6 +32,9 @@ from jaxcrusher.orbits.transient import (
 
 # Searches at once: their turns fill the lanes of some cores.
 SEARCHES = 256
+# Seconds without a new demand, after which what is asked for is integrated. A piece of one search
+# takes 60 ms, and one of four hardly longer; most searches ask again within 3 ms.
+QUIET = 0.01
 # What searches ask for: turns, their tolerance and the most steps of each, from section points.
 How = tuple[int, float, int | None]
 _Asked = tuple[How, list[tuple[Any, Scene]], Future[NextTurns]]
@@ -87,12 +90,17 @@ def together(
         going = len(begun)
         try:
             while going:
-                if (event := runs.events.get()) is None:
-                    going -= 1
+                try:
+                    event = runs.events.get(timeout=QUIET if waiting else None)
+                except Empty:  # all others are about something else, such as Newton's method
+                    ready = True
                 else:
-                    waiting.append(event)
-                # Where lanes are full, what others are about is not waited for.
-                if waiting and len(waiting) >= min(going // 2, 2 * LANES * len(devices())):
+                    if event is None:
+                        going -= 1
+                    else:
+                        waiting.append(event)
+                    ready = len(waiting) >= min(going, 2 * LANES * len(devices()))
+                if waiting and ready:
                     for how in {how for how, *_ in waiting}:
                         _integrate(how, [one for one in waiting if one[0] == how], engine)
                     waiting.clear()

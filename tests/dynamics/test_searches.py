@@ -5,6 +5,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.record import words
+from jaxcrusher.dynamics import searches
 from jaxcrusher.dynamics.searches import together
 from jaxcrusher.orbits.effort import Spent
 from jaxcrusher.orbits.result import RESULTS, WAYS
@@ -26,6 +27,17 @@ def test_turns_of_searches_are_those_of_each_alone():
     assert both["turns"].tolist() == [480, 480, 0] and not both["mean"][2].any()
     one = together(waited, ((clearances[1:],),))
     np.testing.assert_array_equal(one["mean"], both["mean"][1:])
+
+
+def test_what_two_searches_ask_for_is_integrated_at_once(monkeypatch):
+    """A kernel takes hardly longer for both. Here none is left behind for being slow."""
+    monkeypatch.setattr(searches, "QUIET", 60.0)
+    integrations = []
+    for clearances in ([0.06e-3], [0.06e-3, 0.05e-3]):
+        told = []
+        together(waited, ((np.array(clearances),),), tell=lambda told=told: told.append(1))
+        integrations.append(len(told))
+    assert integrations[0] == integrations[1] > 20
 
 
 def test_searches_end_where_that_is_asked():
