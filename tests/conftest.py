@@ -19,9 +19,9 @@ import pytest
 # left out, which takes a fifth off the quick tests' time: `tests/whole/test_signatures.py` asks for
 # them, of the tests of these rooms alone.
 ROOMS = "crusher scenes motion orbits batch dynamics identification pictures sheets".split()
-ROOMS += "basics joint mechanism".split() if "JAXCRUSHER_CHECKED" in os.environ else []
+CALLED_MOST, ALL_CHECKED = "basics joint mechanism".split(), "JAXCRUSHER_CHECKED" in os.environ
 jaxtyping.install_import_hook(
-    [f"jaxcrusher.{name}" for name in ROOMS],
+    [f"jaxcrusher.{name}" for name in ROOMS + CALLED_MOST * ALL_CHECKED],
     "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
 )
 
@@ -114,18 +114,24 @@ def pytest_addoption(parser):
 def pytest_collection_modifyitems(config, items):
     """Leave slow tests out unless they are named, and order the others.
 
-    Files that take longest come first, so that all workers end together, and `optimised` tests come
-    last in their file.
+    With all tests, the quick ones that `test_signatures.py` runs run there alone. Files that take
+    longest come first, so that all workers end together, and `optimised` tests come last in their
+    file.
     """
     named = [arg.split("::")[0] for arg in config.args if "::" in arg]
     named = {(config.invocation_params.dir / path).resolve() for path in named}
+    runs_all = config.getoption("all")
+    checked = any(item.path.name == "test_signatures.py" for item in items)
+    elsewhere = {TESTS / room for room in CALLED_MOST} if checked else set()
 
     def left_out(item):
-        return item.get_closest_marker("slow") and item.path not in named
+        is_slow = item.get_closest_marker("slow") is not None
+        if runs_all:
+            return not is_slow and item.path.parent in elsewhere
+        return is_slow and item.path not in named
 
-    if not config.getoption("all"):
-        config.hook.pytest_deselected(items=[item for item in items if left_out(item)])
-        items[:] = [item for item in items if not left_out(item)]
+    config.hook.pytest_deselected(items=[item for item in items if left_out(item)])
+    items[:] = [item for item in items if not left_out(item)]
     files = [
         sorted(group, key=lambda item: item.get_closest_marker("optimised") is not None)
         for _, group in itertools.groupby(items, key=lambda item: item.path)
