@@ -11,5 +11,5 @@ def ended(
     """Return a process of Python with these words, once it has ended, and what it wrote."""
     command = [sys.executable, *words]
     return subprocess.run(
-        command, cwd=cwd, env=env, capture_output=True, text=True, timeout=900, check=False
+        command, cwd=cwd, env=env, capture_output=True, text=True, timeout=1800, check=False
     )
