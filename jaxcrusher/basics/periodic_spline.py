@@ -24,7 +24,7 @@ class PeriodicSpline(Record):
     start: Float[Array, " n"]  # of each interval, from the first angle on, rad
     end: Float[Array, " n"]  # the last one lies beyond the turn, whatever is rounded
     slope: Float[Array, " n"]  # at the start of each interval
-    bend: Float[Array, " n"]  # half of the second derivative there
+    half_curvature: Float[Array, " n"]  # half of the second derivative there
     twist: Float[Array, " n"]  # a sixth of the third derivative
 
     def __call__(self, angle: Scalar) -> Scalar:
@@ -34,7 +34,7 @@ class PeriodicSpline(Record):
         inside = (self.start <= past) & (past < self.end)
         width = jnp.where(past < self.start, 0.0, self.end - self.start)
         u = jnp.where(inside, past - self.start, width)
-        return self.first + jnp.sum(u * (self.slope + u * (self.bend + u * self.twist)))
+        return self.first + jnp.sum(u * (self.slope + u * (self.half_curvature + u * self.twist)))
 
 
 def spline_through(angles: Float[Array, " n"], values: Float[Array, " n"]) -> PeriodicSpline:

@@ -104,14 +104,14 @@ def stationary(travel: Callable[..., Scalar], angle: Scalar, *numbers: PyTree) -
     rate, held = jax.grad(travel), jax.lax.stop_gradient(numbers)
 
     def closer(_, at: Scalar) -> Scalar:
-        return at - rate(at, *held) / bend(at)
+        return at - rate(at, *held) / curvature(at)
 
-    def bend(at: Scalar) -> Scalar:
+    def curvature(at: Scalar) -> Scalar:
         return jax.grad(rate)(at, *held)
 
     end = jax.lax.stop_gradient(jax.lax.fori_loop(0, POLISH, closer, angle))
     left = rate(end, *numbers)
-    return end - (left - jax.lax.stop_gradient(left)) / bend(end)
+    return end - (left - jax.lax.stop_gradient(left)) / curvature(end)
 
 
 def stroke_ratio(linkage: Linkage) -> Scalar:

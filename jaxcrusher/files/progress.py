@@ -11,30 +11,14 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
-    ProgressColumn,
-    Task,
     TaskID,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
-from rich.text import Text
 
 # Seconds between two lines on work that goes on, where bars cannot move.
 EVERY = 10.0
-
-
-def _begins(task: Task) -> str:
-    """Say what work does of which nothing is done yet: long work compiles its programs first."""
-    return "" if task.completed else "compiling"
-
-
-class _Begins(ProgressColumn):
-    """A word for work of which nothing is done yet."""
-
-    def render(self, task: Task) -> Text:
-        """Return the word."""
-        return Text(_begins(task))
 
 
 class Bars(Progress):
@@ -61,7 +45,7 @@ class Bars(Progress):
         while not self._stopped.wait(EVERY):
             for task in self.tasks:
                 if not task.finished:
-                    done = _begins(task) or f"{task.completed:g} of {task.total:g}"
+                    done = f"{task.completed:g} of {task.total:g}"
                     line = f"{task.description}: {done}, after {task.elapsed or 0:.0f} s"
                     self.console.print(line, highlight=False, markup=False)
 
@@ -90,7 +74,6 @@ def progress(console: Console | None = None, *, remaining: bool = True) -> Bars:
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        _Begins(),
         TimeRemainingColumn() if remaining else TimeElapsedColumn(),
         console=console,
         disable=not (console.is_terminal or console.is_jupyter),

@@ -322,19 +322,19 @@ def summit(before: Instant, start: Instant, end: Instant) -> Scalar:
     rise = (start.seen - before.seen) / jnp.where(ended, first, 1.0)
     fall = (end.seen - start.seen) / jnp.where(second > 0, second, 1.0)
     is_top = ended & (rise >= 0) & (fall <= 0) & (rise > fall)
-    bend = jnp.where(is_top, (rise - fall) / (first + second), 1.0)
+    curvature = jnp.where(is_top, (rise - fall) / (first + second), 1.0)
     slope = (rise * second + fall * first) / jnp.where(is_top, first + second, 1.0)
-    return start.seen + jnp.where(is_top, slope**2 / (4 * bend), 0.0)
+    return start.seen + jnp.where(is_top, slope**2 / (4 * curvature), 0.0)
 
 
 def top(samples: Float[Array, " n"]) -> Scalar:
     """The top of the parabola through the largest sample and its neighbours."""
     index = jnp.clip(jnp.argmax(samples), 1, samples.size - 2)
     before, middle, after = samples[index - 1], samples[index], samples[index + 1]
-    slope, bend = (after - before) / 2, before - 2 * middle + after
-    concave = bend < 0
-    shift = jnp.where(concave, -slope / jnp.where(concave, bend, 1), 0)
-    vertex = middle + shift * (slope + shift * bend / 2)
+    slope, curvature = (after - before) / 2, before - 2 * middle + after
+    concave = curvature < 0
+    shift = jnp.where(concave, -slope / jnp.where(concave, curvature, 1), 0)
+    vertex = middle + shift * (slope + shift * curvature / 2)
     return jnp.where(jnp.abs(shift) <= 1, vertex, jnp.max(samples))
 
 

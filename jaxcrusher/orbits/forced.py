@@ -209,8 +209,8 @@ def least_penetrations(
 
     def least(pin: Float[Array, "nodes 2"], grid: Float[Array, "instants 2"]) -> Scalar:
         def step(place: Scalar) -> Scalar:
-            e, rate, bend = (evaluate(pin, place, order) for order in range(3))
-            curve = rate @ rate + e @ bend
+            e, rate, second = (evaluate(pin, place, order) for order in range(3))
+            curve = rate @ rate + e @ second
             # A pin at rest is nowhere nearer, and has slopes in reverse too.
             bent = curve > 0
             return jnp.where(bent, e @ rate, 0.0) / jnp.where(bent, 2 * np.pi * curve, 1.0)

@@ -63,7 +63,7 @@ FURTHER = (
 
 
 @dataclass(frozen=True)
-class Departure:
+class BranchSwitch:
     """A place where a branch leaves another one; `orbit_branch` may start there."""
 
     period: int
@@ -72,7 +72,7 @@ class Departure:
     # of the unknowns and the parameter; None: the parameter's
     direction: np.ndarray | None = field(repr=False)
 
-    def with_nodes(self, nodes: int) -> "Departure":
+    def with_nodes(self, nodes: int) -> "BranchSwitch":
         """Return the same place with so many nodes a turn; where slices begin there are none."""
         if self.unknowns.ndim == 1:
             return self
@@ -108,13 +108,13 @@ class Event:
         """Return the orbit at the event."""
         return orbit_of(self.branch, self._located())
 
-    def other_branch(self) -> Departure:
+    def other_branch(self) -> BranchSwitch:
         """Return where another branch leaves: of twice the turns at a period doubling."""
         known = (DOUBLING, CROSSING)
         require(self.kind in known, "kind", f"be one of {known} for another branch", self.kind)
         special = Special(self.kind, self.parameter, self._located())
         problem, u, direction = other_branch(self.branch, special)
-        return Departure(problem.period, self.parameter, u, direction)
+        return BranchSwitch(problem.period, self.parameter, u, direction)
 
     def _located(self) -> Point:
         require(self.point is not None, "event", "be located", f"a {self.kind} that is only seen")
@@ -180,7 +180,7 @@ class OrbitBranch(Told):
 def orbit_branch(
     machine: Machine | Callable[..., Scene],
     name: str,
-    start: float | Departure,
+    start: float | BranchSwitch,
     bounds: tuple[float, float],
     *,
     upwards: bool = True,
@@ -203,17 +203,17 @@ def orbit_branch(
       `jaxcrusher.paper_machine(start="contact")`, or a function of your own that makes them.
     - `name`: of the number that varies, such as "speed".
     - `start`, `bounds`: where the branch begins, and between what it is followed, to a last point
-      on one of them. A `Departure`, as `Event.other_branch` gives it, begins a branch that leaves
-      another one of the same `machine`.
-    - `upwards`: whether the parameter grows at first; of a departure, to which of two sides.
+      on one of them. A `BranchSwitch`, as `Event.other_branch` gives it, begins a branch that
+      leaves another one of the same `machine`.
+    - `upwards`: whether the parameter grows at first; of a branch switch, to which of two sides.
     - `scale`: what a change of the parameter is small against, > 0; None is a thirtieth of
       `start`. Steps are a tenth of it at most, and shorter where multipliers move fast.
     - `period`, `nodes`: turns, and an even number of nodes a turn, unless it is shot for. None is
-      the guess's or 1, and 192 or those of a departure. Where the branch wiggles within the error
-      of its nodes, it is followed again with twice as many, up to 384.
+      the guess's or 1, and 192 or those of a branch switch. Where the branch wiggles within the
+      error of its nodes, it is followed again with twice as many, up to 384.
     - `points`: at most.
     - `guess`: of the first motion, as in `periodic_orbit`. Neither it nor `period` is used with
-      a departure.
+      a branch switch.
 
     **Returns:** an `OrbitBranch`. Its `table` has the dimension `point`, in the order of the
     branch, where a parameter may occur more than once: `parameter`, `foundation_rms`,
@@ -232,20 +232,20 @@ def orbit_branch(
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
     require_untraced("start", (start, bounds), "orbit_branch", "jaxcrusher.periodic_orbit")
-    value, (low, high) = start.parameter if isinstance(start, Departure) else start, bounds
+    value, (low, high) = start.parameter if isinstance(start, BranchSwitch) else start, bounds
     require_within("start", value, low, high)
     scale = abs(value) / 30 if scale is None else scale
     require_positive("scale", scale, "")
     scene = traced(machine_of(machine).over(name), jnp.asarray(value, float))
     if refused := unrepeatable(scene(jnp.asarray(value, float))):
         raise ValueError(f"Argument `machine` must {refused}.")
-    if isinstance(start, Departure):
+    if isinstance(start, BranchSwitch):
         begin = start if nodes is None else start.with_nodes(nodes)
     else:
         begin = _first(scene, start, period, BRANCH_NODES if nodes is None else nodes, guess)
     problem = problem_of(scene, jnp.asarray(value, float), begin.period, begin.unknowns.ndim > 1)
     unknowns = begin.unknowns
-    if isinstance(problem, ShootingProblem) and not isinstance(start, Departure):
+    if isinstance(problem, ShootingProblem) and not isinstance(start, BranchSwitch):
         unknowns = problem.along(unknowns, value)
     branch = follow(
         problem,
@@ -275,7 +275,7 @@ def _first(
     period: int | None,
     nodes: int,
     guess: PeriodicOrbit | Float[ArrayLike, "n dims"] | None,
-) -> Departure:
+) -> BranchSwitch:
     """Return the orbit at a value: its nodes, or its section point if they do not resolve it.
 
     They do if they know the RMS, as along the branch: a motion that begins on them need not close.
@@ -298,13 +298,13 @@ def _first(
                 still, *solved(still, near, found.period, len(near)), found.period
             )
     if bool(first.success):
-        return Departure(found.period, value, np.asarray(first.eccentricity), None)
+        return BranchSwitch(found.period, value, np.asarray(first.eccentricity), None)
     text = (
         f"The branch from {value} on is followed by shooting, some two seconds a point, for "
         f"{nodes} nodes a turn do not serve there. {first.failure}"
     )
     warn_once(text, text)
-    return Departure(found.period, value, np.asarray(found.section), None)
+    return BranchSwitch(found.period, value, np.asarray(found.section), None)
 
 
 def with_orbits(branch: Branch) -> tuple[Branch, tuple[PeriodicOrbit, ...]]:

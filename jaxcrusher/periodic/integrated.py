@@ -105,7 +105,7 @@ def _initial(args: PyTree) -> Carried:
 def _field(share: Scalar, carried: Carried, args: PyTree) -> Carried:
     system, _, begin, length = args
     x, rate = jnp.split(carried.motion, 2)
-    second = system.bend(begin + share * length, x, rate)
+    second = system.acceleration_at(begin + share * length, x, rate)
     return Carried(length * jnp.concatenate([rate, second]), None)
 
 

@@ -251,8 +251,8 @@ def _step(early: Array, first: Array, late: Array, *, halvings: int) -> Array:
     third = (late - 2 * first + early) / (2 * GAUSS**2)
     inner = _bracket(first, second)
     outer = -_bracket(first, 2 * third + inner) / 60
-    bend = _bracket(-20 * first - third + inner, second + outer) / 240
-    return _exponential(first + third / 12 + bend, halvings)
+    fourth = _bracket(-20 * first - third + inner, second + outer) / 240
+    return _exponential(first + third / 12 + fourth, halvings)
 
 
 def _bracket(a: Array, b: Array) -> Array:

@@ -154,8 +154,8 @@ def _tested(step: Array, length: Scalar, following: Array, share: Scalar) -> tup
     """
     size = _size(following)
     # Deuflhard's estimate: the share at which the equations still look straight.
-    bend = _size(following - (1 - share) * step)
-    straight = 0.5 * length * share**2 / jnp.maximum(bend, TINY)
+    curved = _size(following - (1 - share) * step)
+    straight = 0.5 * length * share**2 / jnp.maximum(curved, TINY)
     usable = jnp.isfinite(size)
     retry = jnp.where(usable, jnp.minimum(straight, share / 2), share / 2)
     return usable & (size <= (1 - share / 4) * length), retry

@@ -39,9 +39,9 @@ class System(Printed):
         self, x: Float[Array, "nodes dims"]
     ) -> tuple[Float[Array, "nodes dims"], Float[Array, "nodes dims nodes dims"]]:
         """Return the residual and its Jacobian: full by differentiation of x, in blocks by f."""
-        times, rate, bend = self.motion(x)
+        times, rate, second = self.motion(x)
         (by_x, by_rate), found = self.slopes(times, x, rate)
-        return found - bend, jacobian(by_x, by_rate, self.matrices(len(x)))
+        return found - second, jacobian(by_x, by_rate, self.matrices(len(x)))
 
     def slopes(
         self, times: Float[Array, " n"], x: Float[Array, "n dims"], rate: Float[Array, "n dims"]
@@ -52,7 +52,7 @@ class System(Printed):
         by_rate = by_rate - self._damped(jnp.eye(x.shape[1])[None])
         return (by_x, by_rate), found - self._damped(rate)
 
-    def bend(
+    def acceleration_at(
         self, time: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"]
     ) -> Float[Array, " dims"]:
         """Return x'' at one instant."""

@@ -121,7 +121,7 @@ class _Seen(eqx.Module):
 
     value: Array  # (nodes, ...)
     slope: Array  # (nodes, ..., states)
-    bend: Array  # (nodes, ..., states, states)
+    hessian: Array  # (nodes, ..., states, states)
 
 
 @eqx.filter_jit
@@ -141,15 +141,15 @@ def _response(orbit: PeriodicOrbit) -> FeedResponse:
     of_force = jnp.einsum("ia,iab,ib->i", force.slope, unit, force.slope)
 
     # The mean shifts by what the curvature makes of the variance.
-    bent = jnp.einsum("icab,iab->ic", motion.bend, unit) / 2
+    curved = jnp.einsum("icab,iab->ic", motion.hessian, unit) / 2
     size = count * dims
     matrices = system.matrices(count)
     matrix = jacobian(*about.slopes, matrices).reshape(size, size)
-    shift = jnp.linalg.solve(matrix, -bent.ravel()).reshape(count, dims)
+    shift = jnp.linalg.solve(matrix, -curved.ravel()).reshape(count, dims)
     first = matrices[0]
     shifts = jnp.concatenate([shift, first @ shift, jnp.zeros((count, 1))], axis=1)
     shifted = jnp.sum(force.slope * shifts, axis=1)
-    shifted += jnp.einsum("iab,iab->i", force.bend, unit) / 2
+    shifted += jnp.einsum("iab,iab->i", force.hessian, unit) / 2
     added = jnp.mean(of_force + 2 * force.value * shifted)
 
     contacts = _crossing(depth, first, unit, dims)
@@ -224,8 +224,8 @@ def _seen_along(
         def slope(state: Array) -> tuple[Array, Array]:
             return jax.jvp(lambda state: seen(angle, state, scene), (state,), (one,))
 
-        (value, sloped), (_, bent) = jax.jvp(slope, (state,), (other,))
-        return _Seen(value, sloped, bent)
+        (value, sloped), (_, curved) = jax.jvp(slope, (state,), (other,))
+        return _Seen(value, sloped, curved)
 
     # Pair by pair of directions: all at once, in reverse, take XLA ten minutes to compile.
     size = states.shape[1]
@@ -239,7 +239,7 @@ def _seen_along(
     found = _Seen(
         every.value[:, 0],
         jnp.moveaxis(every.slope[:, np.diagonal(pair)], 1, 2),
-        jnp.moveaxis(every.bend[:, pair], 3, 1),
+        jnp.moveaxis(every.hessian[:, pair], 3, 1),
     )
     parts = slice(dims), dims, slice(dims + 1, None)
     return tuple(jax.tree.map(lambda leaf, part=part: leaf[:, part], found) for part in parts)

@@ -179,16 +179,16 @@ def _linearised(scene: Scene) -> tuple[Array, Array, Array, Scalar]:
     def dissipated(rate: Float[Array, "3"], q: Float[Array, "3"]) -> Scalar:
         return foundation.loss(at(q, rate)) / 2
 
-    bend = jax.hessian(potential)
+    stiffness = jax.hessian(potential)
 
     def newton(_, both: tuple[Array, Array]) -> tuple[Array, Array]:
-        step = -jnp.linalg.solve(bend(both[0]), jax.grad(potential)(both[0]))
+        step = -jnp.linalg.solve(stiffness(both[0]), jax.grad(potential)(both[0]))
         return both[0] + step, step
 
     q, step = jax.lax.fori_loop(0, STEPS, newton, (jnp.zeros(3), jnp.ones(3)))
     left = jnp.max(jnp.abs(step)) / (jnp.max(jnp.abs(q)) + 1e-9)
     rest = jnp.zeros(3)
-    return jax.hessian(kinetic)(rest, q), jax.hessian(dissipated)(rest, q), bend(q), left
+    return jax.hessian(kinetic)(rest, q), jax.hessian(dissipated)(rest, q), stiffness(q), left
 
 
 def run_up(
