@@ -71,24 +71,20 @@ def test_what_lanes_cannot_do_follows_what_jax_computes_on(platform, engine, mon
 
 
 @pytest.mark.parametrize(
-    ("scenes", "first"),
+    ("scenes", "chunk", "words"),
     [
-        (30.0, "none"),
-        ({}, "no arrays"),
-        (np.ones((0, 2)), "0"),
-        ((np.ones(2), 3.0), "none, 2"),
-        ((np.ones(2), np.ones(3)), "2, 3"),
+        (30.0, None, r"`scenes` must hold arrays .*, but is with none\.$"),
+        ({}, None, r"`scenes` must hold arrays .*, but is with no arrays\.$"),
+        (np.ones((0, 2)), None, r"`scenes` must hold arrays .*, but is with 0\.$"),
+        ((np.ones(2), 3.0), None, r"`scenes` must hold arrays .*, but is with none, 2\.$"),
+        ((np.ones(2), np.ones(3)), None, r"`scenes` must hold arrays .*, but is with 2, 3\.$"),
+        (np.ones(3), 0, "`chunk` must be a whole number >= 1, but is 0"),
+        (np.ones(3), -100, "`chunk` must be a whole number >= 1, but is -100"),
     ],
 )
-def test_scenes_that_are_not_stacked_are_refused(scenes, first):
-    with pytest.raises(ValueError, match=rf"`scenes` must hold arrays .*, but is with {first}\.$"):
-        map_all(abs, scenes, engine="loop")
-
-
-@pytest.mark.parametrize("chunk", [0, -100])
-def test_a_chunk_without_scenes_is_refused(chunk):
-    with pytest.raises(ValueError, match=f"`chunk` must be a whole number >= 1, but is {chunk}"):
-        map_all(abs, np.ones(3), chunk)
+def test_refusals(scenes, chunk, words):
+    with pytest.raises(ValueError, match=words):
+        map_all(abs, scenes, chunk)
 
 
 def test_what_lanes_do_not_know_is_told(monkeypatch):

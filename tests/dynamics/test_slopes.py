@@ -391,40 +391,28 @@ def test_one_pair_that_says_most_is_seen():
     assert fit.shares[0] > 0.2
 
 
-def test_a_value_of_zero_wants_a_scale():
-    with pytest.raises(ValueError, match=r"^Argument `offset` must have a scale"):
-        gradient_report(
-            lambda offset: jc.paper_scene(30.0 + offset), "foundation_rms", {"offset": 0}
-        )
-
-
 @pytest.mark.parametrize(
-    "asked",
+    ("asked", "words"),
     [
-        {"radius": -0.01},  # of which standard errors would be negative
-        {"radius": 0.0},
-        {"radius": np.nan},
-        {"turns": 0},
-        {"settle_turns": -1},
-        {"pairs": 0},
-        {"seed": -1},
-        {"rtol": -1e-9},
+        ({"radius": -0.01}, "`radius` must be "),  # of which standard errors would be negative
+        ({"radius": 0.0}, "`radius` must be "),
+        ({"radius": np.nan}, "`radius` must be "),
+        ({"turns": 0}, "`turns` must be "),
+        ({"settle_turns": -1}, "`settle_turns` must be "),
+        ({"pairs": 0}, "`pairs` must be "),
+        ({"seed": -1}, "`seed` must be "),
+        ({"rtol": -1e-9}, "`rtol` must be "),
+        ({"metric": "noise"}, "`metric` must be one of 'foundation_rms'"),
+        ({"parameters": {"offset": 0}}, "`offset` must have a scale"),
     ],
 )
-def test_what_is_out_of_range_is_refused_at_once(asked):
+def test_what_is_out_of_range_or_unknown_is_refused_at_once(asked, words):
     def never(stage):
         raise AssertionError(stage)
 
-    with pytest.raises(ValueError, match=f"^Argument `{next(iter(asked))}` must be "):
-        gradient_report(
-            lambda speed: jc.paper_scene(speed, 0.05e-3),
-            "foundation_rms",
-            {"speed": 27.0},
-            progress=never,
-            **asked,
-        )
+    def scene(speed=27.0, offset=0.0):
+        return jc.paper_scene(speed + offset, 0.05e-3)
 
-
-def test_unknown_metric():
-    with pytest.raises(ValueError, match=r"^Argument `metric` must be one of 'foundation_rms'"):
-        gradient_report(lambda speed: jc.ideal_scene(speed), "noise", {"speed": 30.0})
+    given = {"metric": "foundation_rms", "parameters": {"speed": 27.0}, "progress": never}
+    with pytest.raises(ValueError, match=f"^Argument {words}"):
+        gradient_report(scene, **given | asked)

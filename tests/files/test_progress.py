@@ -39,13 +39,13 @@ def test_stages_are_lines_of_a_file():
 
 
 def test_a_file_is_told_every_few_seconds_how_far_work_is(monkeypatch):
-    """Of work of which nothing is done yet that it compiles, and nothing of what is done."""
+    """And nothing more of work that is done."""
     monkeypatch.setattr(module, "EVERY", 0.02)
     file = io.StringIO()
     with progress(Console(file=file)) as bars:
         done, bar = bars.add_task("scouts", total=1), bars.add_task("orbits", total=3)
         bars.update(done, completed=1)
-        _wait_for(file, "orbits: compiling, after 0 s\n")
+        _wait_for(file, "orbits: 0 of 3, after 0 s\n")
         bars.update(bar, completed=2)
         _wait_for(file, "orbits: 2 of 3, after 0 s\n")
     assert file.getvalue().count("scouts") == 2

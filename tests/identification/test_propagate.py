@@ -32,14 +32,14 @@ def test_harmonics_are_over_all_turns_of_a_period(monkeypatch):
     assert float(abs(rms)) == pytest.approx(np.sqrt((1 + 9) / 2), rel=1e-13)
 
 
-def of(machine):
-    return jc.periodic_orbit(machine.scene())
+@pytest.fixture(scope="module")
+def orbit():
+    return jc.periodic_orbit(MACHINE.scene())
 
 
 @pytest.fixture(scope="module")
-def found():
-    orbit, observables = of(MACHINE), ("ground_force", "ground_moment")
-    outputs = ("shaking_rms",)
+def found(orbit):
+    outputs, observables = ("shaking_rms",), ("ground_force", "ground_moment")
     return jc.propagate(MACHINE, orbit, SIGMAS, outputs=outputs, observables=observables)
 
 
@@ -180,28 +180,21 @@ def test_an_orbit_that_loses_contact_scatters_as_its_neighbours_say():
 
 
 @pytest.mark.parametrize(
-    ("machine", "sigmas", "words"),
+    ("asked", "words"),
     [
-        (MACHINE, {}, "`sigmas` must name a number, but is empty"),
-        (MACHINE, {"jaw.mass": 0.0}, r"`sigmas\['jaw.mass'\]` must be finite and > 0"),
-        (MACHINE, {"load_seed": 1.0}, "`sigmas` must name numbers that may vary continuo"),
-        (jc.paper_scene, {"speed": 1.0}, r"`speed` must have a value, as {name: value}"),
-        (MACHINE.replace(speed=31.0), {"speed": 1.0}, "`machine` must have the scene of the orbit"),
+        ({"sigmas": {}}, "`sigmas` must name a number, but is empty"),
+        ({"sigmas": {"jaw.mass": 0.0}}, r"`sigmas\['jaw.mass'\]` must be finite and > 0"),
+        ({"sigmas": {"load_seed": 1.0}}, "`sigmas` must name numbers that may vary continuo"),
+        ({"machine": jc.paper_scene}, r"`speed` must have a value, as {name: value}"),
+        ({"machine": MACHINE.replace(speed=31.0)}, "`machine` must have the scene of the orbit"),
+        ({"outputs": ("left_peak",)}, "`outputs` must be a known name, but is 'left_peak'"),
+        ({"orders": 600}, "`orders` must be less than 512, but is 600"),
+        (
+            {"orbit": missing(MACHINE.scene(), 1, RESULTS.impacts)},
+            "`orbit` must be one that was found, but is none: The motion",
+        ),
     ],
 )
-def test_refused(machine, sigmas, words):
+def test_refusals(orbit, asked, words):
     with pytest.raises(ValueError, match=words):
-        jc.propagate(machine, of(MACHINE), sigmas)
-
-
-def test_refuses_what_was_not_found():
-    orbit = of(MACHINE)
-    with pytest.raises(ValueError, match="`outputs` must be a known name, but is 'left_peak'"):
-        jc.propagate(MACHINE, orbit, {"jaw.mass": 1.0}, outputs=("left_peak",))
-    with pytest.raises(ValueError, match="`orders` must be less than 512, but is 600"):
-        jc.propagate(MACHINE, orbit, {"jaw.mass": 1.0}, orders=600)
-    none = missing(orbit.scene, 1, RESULTS.impacts)
-    with pytest.raises(
-        ValueError, match="`orbit` must be one that was found, but is none: The motion"
-    ):
-        jc.propagate(MACHINE, none, {"jaw.mass": 1.0})
+        jc.propagate(**{"machine": MACHINE, "orbit": orbit, "sigmas": {"speed": 1.0}, **asked})

@@ -12,7 +12,7 @@ from tests.notebooks.test_plan import FOLDER, NOTEBOOKS, cells
 SAME_EVERYWHERE = ("01", "07", "08")
 SHORTEST = FOLDER / "03_map_of_regimes.ipynb"
 # The eighth fits 40 times, and the ninth follows a branch by shooting.
-OPTIMISED = ("08", "09")
+OPTIMISED = ("04", "08", "09")
 CASES = [
     pytest.param(path, marks=[pytest.mark.optimised] * path.stem.startswith(OPTIMISED))
     for path in NOTEBOOKS

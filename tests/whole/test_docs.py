@@ -106,7 +106,7 @@ def test_every_module_is_documented(documented):
         "docs/gradients.md",
         "docs/lanes.md",
         "docs/orbits.md",
-        "docs/periodic.md",
+        pytest.param("docs/periodic.md", marks=pytest.mark.optimised),
         "docs/design_search.md",
         "docs/own_parts.md",
         "docs/foundation.md",
