@@ -8,6 +8,7 @@ import pytest
 from notebooks.make import execute
 from tests.notebooks.test_plan import FOLDER, NOTEBOOKS, cells
 
+pytestmark = pytest.mark.usefixtures("compiled_once")
 # What these print hangs on no clock and on no chaotic motion.
 SAME_EVERYWHERE = ("01", "07", "08")
 SHORTEST = FOLDER / "03_map_of_regimes.ipynb"

@@ -76,7 +76,7 @@ def test_a_scene_file_names_its_curve_from_where_it_is(tmp_path):
         (np.vstack([POINTS, [90.0, 2.0]]), "every angle once, but is twice at"),
     ],
 )
-def test_bad_curves(points, words, tmp_path):
+def test_refusals_of_points(points, words, tmp_path):
     for given in (str(written(tmp_path / "bad.csv", points)), in_si(points)):
         with pytest.raises(ValueError, match=words) as error:
             jc.build_scene({"load_law": "by_angle", "load_curve": given})
@@ -84,32 +84,26 @@ def test_bad_curves(points, words, tmp_path):
         assert "\n" not in str(error.value)
 
 
-def test_bad_files(tmp_path):
-    cases = {
-        "header": (written(tmp_path / "a.csv", header="angle, force"), "does not begin with"),
-        "cells": (written(tmp_path / "b.csv", [[0, "many"]]), "angle and force in line 2"),
-        "grouped": (written(tmp_path / "c.csv", [["1_0", 5]]), "angle and force in line 2"),
-        "decimals": (
-            written(tmp_path / "d.csv", [["0,2", "1"]]),
-            "force in line 2: they have decimal points",
-        ),
-        "missing": (tmp_path / "none.csv", "cannot be read: No such file"),
-        "semicolons": (tmp_path / "e.csv", "'.*e.csv' has semicolons between its cells: write com"),
-        "tabs": (tmp_path / "f.csv", r"has tabs .*, and decimal points in numbers, as 2\.1\.$"),
-        "zero": ("a\0.csv", r"but 'a\\x00\.csv' is no name of a file"),
-        "half a character": ("\ud800.csv", r"but '\\ud800\.csv' is no name of a file"),
-    }
+def test_refusals(tmp_path):
+    """Of files, of names of files, and of arrays."""
     for mark, name in ((";", "e.csv"), ("\t", "f.csv")):
         (tmp_path / name).write_text(f"angle_deg{mark}force_kN\n0{mark}2,1\n90{mark}4,8\n")
-    for path, words in cases.values():
-        with pytest.raises(ValueError, match=words):
-            load_curve(path)
-    with pytest.raises(ValueError, match="shape"):
-        load_curve(np.zeros(4))
-    with pytest.raises(
-        ValueError, match=r"^Argument `load_curve` must be pairs \[rad, N\], but is"
+    decimals = written(tmp_path / "d.csv", [["0,2", "1"]])
+    for given, words in (
+        (written(tmp_path / "a.csv", header="angle, force"), "does not begin with"),
+        (written(tmp_path / "b.csv", [[0, "many"]]), "angle and force in line 2"),
+        (written(tmp_path / "c.csv", [["1_0", 5]]), "angle and force in line 2"),
+        (decimals, "angle and force in line 2: they have decimal points"),
+        (tmp_path / "none.csv", "cannot be read: No such file"),
+        (tmp_path / "e.csv", "'.*e.csv' has semicolons between its cells: write com"),
+        (tmp_path / "f.csv", r"has tabs .*, and decimal points in numbers, as 2\.1\.$"),
+        ("a\0.csv", r"but 'a\\x00\.csv' is no name of a file"),
+        ("\ud800.csv", r"but '\\ud800\.csv' is no name of a file"),
+        (np.zeros(4), "have shape"),
+        ([["a", 1.0]], r"^Argument `load_curve` must be pairs \[rad, N\], but is"),
     ):
-        load_curve([["a", 1.0]])
+        with pytest.raises(ValueError, match=words):
+            load_curve(given)
 
 
 @pytest.mark.parametrize(
@@ -122,6 +116,6 @@ def test_bad_files(tmp_path):
         ({"load_point": -0.1}, "`load_point` must lie in"),
     ],
 )
-def test_what_a_load_must_come_with(values, words):
+def test_refusals_of_a_load(values, words):
     with pytest.raises(ValueError, match=words):
         jc.build_scene(values)
