@@ -37,11 +37,11 @@ class Joint(Record):
     pin: Point
 
 
-def require_direction(along: Vector) -> None:
+def require_direction(along: Vector, name: str = "along") -> None:
     """Raise ValueError for a known vector without length."""
     parts = [concrete(part) for part in (along.x, along.y)]
     good = any(part is None or bool((part != 0).all()) for part in parts)
-    require(good, "along", "be a direction", "zero")
+    require(good, name, "be a direction", "zero")
 
 
 class Slide(Record):

@@ -52,7 +52,14 @@ from jaxcrusher.basics.plane import Arm, Vector
 from jaxcrusher.basics.smooth import norm
 from jaxcrusher.joint.clearance import AbstractGap
 from jaxcrusher.mechanism.acting import AbstractPush, Push, PushByAngle, Spring, rough_feed
-from jaxcrusher.mechanism.linkage import Body, Joint, Linkage, Point, Slide
+from jaxcrusher.mechanism.linkage import (
+    Body,
+    Joint,
+    Linkage,
+    Point,
+    Slide,
+    require_direction,
+)
 from jaxcrusher.mechanism.motion import (
     COUNT,
     Motion,
@@ -380,7 +387,8 @@ class Drawing(AbstractStructure):
         for name, body in self.slides:
             at = f"slides.{name}"
             sizes = v.get(f"{at}.length"), v.get(f"{at}.height")
-            slides[name] = Slide(body, _vector(v, f"{at}.along"), _arm(v, f"{at}.through"), *sizes)
+            along, through = _direction(v, f"{at}.along"), _arm(v, f"{at}.through")
+            slides[name] = Slide(body, along, through, *sizes)
         gravity = v.get("gravity", PARAMETERS["gravity"].default)
         bearing = next(n for n, *both in self.joints if {self.crank, FRAME} == set(both))
         guesses = {
@@ -409,6 +417,13 @@ def _vector(values: Mapping[str, Any], name: str) -> Vector:
     return Vector(values.get(f"{name}.x", 0.0), values.get(f"{name}.y", 0.0))
 
 
+def _direction(values: Mapping[str, Any], name: str) -> Vector:
+    """Return a vector of any length but zero."""
+    along = _vector(values, name)
+    require_direction(along, name)
+    return along
+
+
 def _point(values: Mapping[str, Any], name: str, body: str) -> Point:
     return Point(body, _arm(values, name))
 
@@ -419,7 +434,7 @@ def _push(values: Mapping[str, Any], name: str, body: str, curve: tuple | None) 
     if curve is None:
         push = Push(at, _vector(values, f"forces.{name}.force"))
     else:
-        along = _vector(values, f"forces.{name}.along")
+        along = _direction(values, f"forces.{name}.along")
         push = PushByAngle(at, along, load_curve(np.array(curve)))
     if f"forces.{name}.scatter" not in values:
         return push

@@ -338,8 +338,8 @@ REFUSED = {
     "forces.gas.curve` must be pairs [rad, N], but is not": with_gas(
         along=[1, 0], curve=[["a", 1.0]]
     ),
-    "along` must be a direction, but is zero": with_gas(along=[0, 0], curve=CURVE),
-    "Argument `along` must be a direction, but is zero.": with_guide(along=[0, 0]),
+    "`forces.gas.along` must be a direction, but is zero": with_gas(along=[0, 0], curve=CURVE),
+    "Argument `slides.guide.along` must be a direction, but is zero.": with_guide(along=[0, 0]),
     "slides.guide.height` must be given in m with `slides.guide.clearance`, but is missing": (
         with_guide(clearance=1e-4, length=0.05, corner_radius=1e-3)
     ),
