@@ -1,9 +1,9 @@
 """Chunks on a Dask cluster: workers compute, the caller writes.
 
-The workers get a function and what it takes for a chunk, and send back what it makes of it, some
-100 kB. They need no shared file system and no lock, and a worker that dies holds nothing but its
-chunk in progress, which Dask gives to another one. A worker may be new at any chunk. So it gets
-both as bytes, and opens them when it is set up: they import Equinox, which reads its settings then.
+A worker gets a function and its arguments for a chunk, and sends back the results, some 100 kB.
+Workers need no shared file system and no lock. If one dies, Dask gives its chunk to another one. A
+worker may be new at any chunk. So it gets function and arguments as bytes, and opens them after it
+is set up: they import Equinox, which reads its settings then.
 """
 
 import contextlib
@@ -54,7 +54,7 @@ def connected(
 
 @contextlib.contextmanager
 def local_workers(scheduler: str | None) -> "Iterator[str | distributed.Client | None]":
-    """Yield a cluster of processes of this machine for a number; an address, or None, as it is."""
+    """Yield a client of so many local processes for a number; an address, or None, as it is."""
     if scheduler is None or not scheduler.isdecimal():
         yield scheduler
         return

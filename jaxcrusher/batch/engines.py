@@ -65,13 +65,12 @@ def map_chunks(
 ) -> Iterator[tuple[slice, PyTree]]:
     """Apply `function` to `scenes`, stacked along the first axis of every leaf.
 
-    Yields a slice of that axis and the results on it, as NumPy arrays, chunk by chunk:
-    memory stays bounded, and what is finished is in the caller's hands. Chunks are of the same
-    size, about, and of `chunk` scenes at most, or a few more, as many on each device. With None
-    these are 1024, and on a GPU by lanes 65 536. `function` is
-    traced once a call, so that it may read globals that change, and compiled where that differs
-    from earlier calls; arrays that it is to take without being compiled anew belong into an
-    `equinox.Partial`.
+    Yields a slice of that axis and the results on it, as NumPy arrays, chunk by chunk: memory stays
+    bounded, and what is finished is in the caller's hands. Chunks have about the same size: `chunk`
+    scenes at most, or a few more, so that each device gets as many. None is 1024 scenes, or 65 536
+    for lanes on a GPU. `function` is traced once a call, so that it may read globals that change.
+    It is compiled again where its trace differs from earlier calls; arrays that shall change
+    without this belong in an `equinox.Partial`.
 
     `engine` is one of these names, or a function of your own. "lanes" compiles integrations to
     loops over lanes of scenes; "loop" computes one scene after the other on each core; "vmap"
@@ -214,7 +213,7 @@ def computing(
     name: Callable[[Item], str],
     program: dict[str, Any] | None = None,
 ) -> Iterator[Iterator[Found]]:
-    """Yield what a function of chunks makes of each: here in order, on workers as they finish.
+    """Yield the results of a function of chunks: here in order, on workers as they finish.
 
     Workers must have the environment `program`, that of this process if None. An error says the
     `name` of its chunk.
@@ -231,7 +230,7 @@ def computing(
 def in_order(
     function: Callable[[Item], Found], items: Iterable[Item], engine: Engine
 ) -> Generator[Found, None, None]:
-    """Yield what a function of chunks makes of each by an engine; on a card of `ON_CARD` at once.
+    """Yield the results of a function of chunks by an engine; on a GPU `ON_CARD` run at once.
 
     Where the caller stops early the chunks in progress are finished, and no other is begun.
     """
@@ -282,7 +281,7 @@ def _require_stacked(function: Callable[[Any], PyTree], scenes: PyTree) -> None:
 
 
 def name_of(engine: Engine) -> str:
-    """Return an engine's name; that of a function or, where it is an object, of its class."""
+    """Return an engine's name; of a function its own name, of another object that of its class."""
     known = {run: name for name, run in ENGINES.items()}
     if isinstance(engine, str):
         return engine
@@ -303,7 +302,7 @@ def default_engine(designs: int) -> Engine:
 
 
 def chunk_of(count: int, engine: Engine | None = None, usual: int = CHUNK) -> int:
-    """Return how many of `count` designs make a chunk: `usual` many, and more on a card."""
+    """Return how many of `count` designs make a chunk: `usual` many, and more on a GPU."""
     engine = engine or default_engine(min(count, CARD_CHUNK))
     return CARD_CHUNK if run_of(engine) is on_gpu else usual
 
@@ -351,7 +350,7 @@ def side_by_side(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
 
 
 def in_turn(function: Callable[[Any], PyTree], scenes: PyTree) -> PyTree:
-    """Compute one scene after the other on every device; their number divides the scenes'."""
+    """Compute one scene after the other on every device; each device gets as many scenes."""
     remind_of_idle_cores()
     return _in_turn(function, scenes)
 

@@ -150,7 +150,7 @@ def make_grid(machine: Machine, axes: Mapping[str, Any]) -> Grid:
     """Return the checked grid of the machines with the values of some axes.
 
     Raises ValueError for unknown names, and for values that no scene can be built from. The names
-    that a function of one's own takes are known to it only.
+    that a user's own function takes are known to it only.
     """
     good = isinstance(axes, Mapping) and len(axes) > 0 and all(isinstance(n, str) for n in axes)
     require(good, "axes", 'map names to values, as {"speed": [30.0, 32.0]}', repr(axes))

@@ -82,10 +82,10 @@ def sweep(
     - `settle_turns`, `turns`, `rtol`: as in `jaxcrusher.statistics`.
     - `outputs`: names of further statistics, besides those that are always computed.
     - `store`: None, or the store's folder; new, or one of an earlier call with the same arguments.
-      The code of a function of your own is not compared, but its name and the laws and numbers
-      that it makes.
-    - `chunk`: designs at most in a chunk: between two reports of progress, what a kill can lose,
-      and a file of each variable. None as in `jaxcrusher.map_chunks`.
+      Of a function of your own the name and the laws and numbers that it makes are compared, not
+      its code.
+    - `chunk`: the most designs in a chunk. A chunk lies between two reports of progress, can be
+      lost by a kill, and is one file of each variable. None is as in `jaxcrusher.map_chunks`.
     - `progress`: called with the number of finished and of all designs, first at the start.
     - `engine`: as in `jaxcrusher.map_chunks`, but None is "lanes" on a cluster. Store and dataset
       name it in their attribute `engine`, and a store goes on with its own engine only.
@@ -93,8 +93,8 @@ def sweep(
 
     **Returns:** an `xarray.Dataset` with a dimension for each axis, opened from the store if there
     is one. A failed design has `success` False and NaN; it does not stop the others. Each statistic
-    has an `_error`, and `settled` says whether the turns are those of a motion that has settled
-    (see `jaxcrusher.motion.statistics.Statistics`). Where designs have not, the attribute `remark`
+    has an `_error`, and `settled` says whether the motion has settled (see
+    `jaxcrusher.motion.statistics.Statistics`). If some designs have not, the attribute `remark`
     says how many.
 
     Motions begin with the scene's start. The usual one is the paper's, "centred": it begins with
@@ -186,7 +186,7 @@ class Ensemble:
         progress: Callable[[int, int], None] | None,
         scheduler: "str | distributed.Client | None",
     ) -> xr.Dataset:
-        """Fill the table, or what a store lacks of it: chunks are written as they come."""
+        """Fill the table, or the missing part of a store: chunks are written as they come."""
         layout, report = self.layout, progress or (lambda finished, of: None)
         about = self.window.settings() | {"engine": name_of(self.engine)}
         with connected(scheduler) as client:

@@ -77,8 +77,8 @@ class CoexistingOrbits(Told):
     def share_errors(self) -> tuple[float, ...]:
         """Return the standard error of each share.
 
-        It is the standard deviation of a share of which nothing was known before k of n starts came
-        (of the beta distribution with k + 1 and n - k + 1), and not 0 where none or all came.
+        If k of n starts came, it is the standard deviation of the beta distribution with k + 1 and
+        n - k + 1, which assumes no knowledge of the share. It is not 0 where none or all came.
         """
         n = len(self.labels)
         means = [(share * n + 1) / (n + 2) for share in self.shares]
@@ -310,8 +310,8 @@ def basin_map(
 ) -> xr.Dataset:
     """Find the stable orbits of every design of a grid, and how many random starts come to each.
 
-    Each design is looked at as by `jaxcrusher.coexisting_orbits`, with the same starts about its
-    own: differences between designs are not those of their starts. A design takes some seconds.
+    Each design is treated as by `jaxcrusher.coexisting_orbits`, with the same shifts of its own
+    start: differences between designs do not come from other shifts. A design takes some seconds.
 
     **Arguments:**
 

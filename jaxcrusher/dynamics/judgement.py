@@ -64,11 +64,11 @@ def judge(
 ) -> Slope:
     """The estimate to use, and whether to believe it.
 
-    `radius` is that of the fit, in the parameter's unit; `growth` the logarithm of what the
-    tangent has grown by; `freedom` the degrees of freedom of standard errors by their estimates'
-    names, infinite where a name is missing; `multipliers` those of the orbit, which an implicit
-    slope needs; `share` and `drift` those of the fit (see `jaxcrusher.dynamics.slopes.Fit`).
-    `unsettled` says why the motion may still come to another, whose slope may be quite different.
+    `radius` is that of the fit, in the parameter's unit; `growth` the logarithm of the tangent's
+    growth; `freedom` the degrees of freedom of standard errors by their estimates' names, infinite
+    where a name is missing; `multipliers` those of the orbit, which an implicit slope needs;
+    `share` and `drift` those of the fit (see `jaxcrusher.dynamics.slopes.Fit`). `unsettled` says
+    why the motion may still come to another, whose slope may be quite different.
     """
     estimator = "fit" if chaotic else "implicit" if "implicit" in estimates else "tangent"
     names = ("orbits",) if estimator == "implicit" else FITS

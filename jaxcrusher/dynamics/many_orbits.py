@@ -2,8 +2,9 @@
 
 Designs are given as stacked cases, and a function makes the scene of one. Newton's method from the
 pin at rest is one program for all of them, which takes a millisecond a design. Where it leads to no
-orbit that is surely stable, the orbit is searched for as a lone one is
-(`jaxcrusher.dynamics.searches`). What has none then is tried from stable orbits of neighbours.
+orbit that is surely stable, the orbit is searched for as for a single design
+(`jaxcrusher.dynamics.searches`). A design without one is then tried from stable orbits of
+neighbours.
 """
 
 import functools
@@ -56,7 +57,7 @@ MOTION = ("motion", "run_rms", "run_rms_error")
 
 
 class Sought(eqx.Module):
-    """The scene of a case, and the numbers of its orbit that are differentiated by what is free.
+    """The scene of a case, and the numbers of its orbit differentiated by the free numbers.
 
     All are functions that stand in a module, or `equinox.Partial`s of these: a program is compiled
     once for all cases, and solves for each orbit once.
@@ -91,21 +92,21 @@ def solve_orbits(
     **Arguments:**
 
     - `cases`: free numbers (cases, n), and a tree of all others.
-    - `effort`: as in `jaxcrusher.periodic_orbit`; with None nothing is searched for that the pin at
-      rest does not lead to.
-    - `neighbours`: the cases beside one, the nearest first, from whose stable orbits it is tried
-      where it has none; None: from no other orbit.
-    - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for.
+    - `effort`: as in `jaxcrusher.periodic_orbit`; with None there is no search after Newton's
+      method from the pin at rest.
+    - `neighbours`: gives the cases beside a case, the nearest first. A case without an orbit is
+      tried from their stable orbits; None: from no other orbit.
+    - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for turns of searches.
     - `journal`: of finished chunks.
     - `scheduler`: whose workers compute the chunks; None for this process.
-    - `progress`: called with the number of finished and of all cases; while motions are waited for,
-      those with a stable orbit are finished.
+    - `progress`: called with the number of finished and of all cases; during searches, the cases
+      with a stable orbit count as finished.
 
     **Returns:** statistics, `SEEN`, `numbers` (cases, m) and their `slopes` (cases, m, n),
     `inside_model`, multipliers, `eccentricity` (cases, points, dims; NaN for an orbit of another
     period), `failure` and the way by which each was `found` in words; NaN where there is no orbit.
-    `MOTION` is what the motion from rest is where it was waited for and led to no stable orbit, and
-    its RMS with a standard error.
+    `MOTION` is the kind of the motion from rest, where it was integrated and led to no stable
+    orbit, and its RMS with a standard error.
     """
     count, report = len(cases[0]), progress or (lambda finished, of: None)
     settings = {"skips": True, "journal": journal, "scheduler": scheduler}
@@ -158,9 +159,9 @@ def from_neighbours(
     chunk: int,
     period: int,
 ) -> None:
-    """Solve cases without an orbit from stable ones of neighbours, until none is new.
+    """Solve cases without an orbit from stable orbits of neighbours, until none is new.
 
-    What their motion from rest is stays told.
+    What is known of their motion from rest is kept.
     """
     tried = set[tuple[int, int]]()
     while True:

@@ -46,11 +46,11 @@ def orbit_map(
     """Find the periodic orbit of every design of a grid, as `jaxcrusher.periodic_orbit` finds it.
 
     Every cell is solved from the pin resting in its bore, on all cores. Where that leads to no
-    orbit that is surely stable, the cell's orbit is searched for as a lone one is, with the same
-    effort and the same answer; lanes integrate what many cells wait for. A cell that has no orbit
-    then is tried from neighbours along the axes, up to four steps away and the nearest first, for
-    as long as that helps. `found` says by which way a cell was found. It may lie on another branch
-    than the next cell's.
+    orbit that is surely stable, the cell's orbit is searched for as for a single design, with the
+    same effort and the same answer; lanes integrate the turns of many searches. A cell that has no
+    orbit then is tried from neighbours along the axes, up to four steps away and the nearest first,
+    for as long as that helps. `found` says by which way a cell was found. It may lie on another
+    branch than the next cell's.
 
     **Arguments:**
 
@@ -63,12 +63,12 @@ def orbit_map(
     - `store`: None, or a folder in which the map is kept while it is computed, and then as a Zarr
       store. Killed at any moment and called again with the same arguments, it goes on where it was
       and ends with the same bits.
-    - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for what is waited for. The
+    - `engine`: as in `jaxcrusher.map_chunks`; None takes lanes only for turns of searches. The
       attribute `engine` names the one that solves for orbits.
     - `scheduler`: as in `jaxcrusher.sweep`. Its workers must have this process's environment, and
       the map has the same bits as without.
-    - `progress`: called with the number of finished and of all designs, first at the start; what
-      fails is finished when its neighbours have been tried.
+    - `progress`: called with the number of finished and of all designs, first at the start; a
+      failed cell is finished when its neighbours have been tried.
 
     **Returns:** an `xarray.Dataset` with a dimension for each axis: all statistics, the `period`
     (turns), the estimated `error` of the RMS (a share of it), `least_penetration` (clearances),
@@ -78,7 +78,7 @@ def orbit_map(
     `undecided` are logical, `found` is in words. Where there is no success every number is NaN, and
     `failure` says why. Where the motion from rest leads to no stable orbit, `motion` says what it
     does, in the words of `PeriodicOrbit.instability`; `run_rms` is its RMS over the last half of
-    the turns that were waited for, and `run_rms_error` the standard error of that.
+    the integrated turns, and `run_rms_error` the standard error of this RMS.
 
     Raises ValueError for bad arguments, and in one line for scenes that have no such orbit;
     RuntimeError for workers that fail, and ImportError as `jaxcrusher.sweep` does.

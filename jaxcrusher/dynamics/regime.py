@@ -84,10 +84,10 @@ def regime(
     its indicators to agree, of which the 0-1 test is left out below 200 points; points whose spread
     still changes are "not settled", unless they repeat or are chaotic. A motion that never leaves
     contact and swings about a stable orbit of one turn is "not settled" too, however slowly the
-    swing dies: the multipliers of that orbit say so where no window does. Whirls are named by
-    `Statistics.whirl`. `rtol` is that of `jaxcrusher.statistics`, tighter by default: points that
-    repeat are told by it, and a looser one than 1e-10 damps or feeds a swing itself, so that a
-    trend of the spread may be the method's.
+    swing dies: the multipliers of that orbit show it where no window of turns does. Whirls are
+    named by `Statistics.whirl`. `rtol` is that of `jaxcrusher.statistics`, tighter by default. It
+    decides which points repeat. A looser one than 1e-10 damps or feeds a swing itself, so that a
+    trend of the spread may come from the method.
 
     Raises ValueError for fewer points, for ideal joints in a clamped frame, whose motion has no
     state, and as `poincare_section` does.

@@ -1,4 +1,4 @@
-"""Searches for many orbits at once, each in a thread: turns that they wait for are gathered.
+"""Searches for many orbits at once, each in a thread: the turns that they ask for are gathered.
 
 A search is written as if it were alone (`jaxcrusher.orbits.search`). Lanes integrate the turns that
 many of them ask for, all at once, in a fraction of the time.
@@ -68,9 +68,9 @@ def together(
     engine: Engine | None = None,
     tell: Callable[[], None] = lambda: None,
 ) -> PyTree:
-    """Return what a search makes of each of stacked cases.
+    """Return the result of a search for each of stacked cases.
 
-    What fills a chunk is skipped: the first part of such a case is NaN.
+    Cases that only fill a chunk are skipped: their first part is NaN.
 
     Turns are integrated by an `engine` of `jaxcrusher.batch.engines`. `tell` is called after each
     integration, and may raise an error, which ends all searches.

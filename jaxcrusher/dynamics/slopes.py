@@ -1,8 +1,8 @@
 """Slopes of a statistic, each with a verdict on whether it may be believed.
 
-A motion that forgets its start has a slope that the forward tangent finds; a chaotic one has
-none at a point: its tangent grows without bound, and a slope exists only at a finite radius, by a
-linear fit over pairs of runs.
+If a motion forgets its start, the forward tangent finds its slope. A chaotic motion has no slope at
+a point: its tangent grows without bound. It has a slope only at a finite radius, by a linear fit
+over pairs of runs.
 """
 
 import functools
@@ -135,16 +135,16 @@ def gradient_report(
       each value, or where that is 0 of the scale `jaxcrusher.PARAMETERS` has for the name.
     - `pairs`, `seed`: of runs of a fit, and for the random choice of them. There are at least
       twice as many pairs as parameters.
-    - `progress`: called with what begins, in words: which stages there are, the motion decides.
+    - `progress`: called with the name of each stage as it begins; the stages depend on the motion.
 
     **Returns:** a `GradientReport`. Periodic motions get the slopes of their orbit, which is solved
-    for (`jaxcrusher.orbits.slopes`), beside differences of neighbouring orbits. Of a start beside a
-    stable motion of one turn that keeps contact that takes seconds; others are classified first.
-    Other motions that do not grow get the forward tangent over the turns after settling, chaotic
-    ones the fit; the others stand beside it. A failed motion and a whirl are refused. Standard
-    errors: of an orbit's slope its distance from differences over a thousandth of the radius, of
-    the tangent the scatter of the four quarters of its window, of the fit that of its residuals;
-    differences of orbits have none.
+    for (`jaxcrusher.orbits.slopes`), beside differences of neighbouring orbits. This takes seconds
+    for a start beside a stable motion of one turn in contact; others are classified first. Other
+    motions that do not grow get the forward tangent over the turns after settling, chaotic ones the
+    fit; the others stand beside it. A failed motion and a whirl are refused. The standard error of
+    an orbit's slope is its distance from differences over a thousandth of the radius, of the
+    tangent the scatter of the four quarters of its window, and of the fit the scatter of its
+    residuals; differences of orbits have none.
 
     Raises ValueError for an unknown metric, for no parameters, for a value of 0 without a scale,
     for an ideal joint, and for a radius, turns, pairs, a seed or a tolerance out of range.
@@ -299,8 +299,8 @@ def _metric(case, build, metric: str, settle_turns: int, turns: int, rtol: float
 class Fit:
     """Slopes by n parameters with standard errors, and what speaks against them.
 
-    `shares` are those of the one pair that says most in the sum of what all say, regardless of
-    sign. `drifts` are how far the slopes move from the first half of the window to the whole.
+    `shares` are those of the pair that contributes most, in the sum of all contributions regardless
+    of sign. `drifts` are how far the slopes move from the first half of the window to the whole.
     """
 
     slopes: Float[np.ndarray, " n"]

@@ -153,8 +153,8 @@ class Identified(Told):
     """Numbers of a machine that measurements tell, and how surely.
 
     Arrays have the order of `values`. `residuals` are in sigmas; a harmonic with its phase has two.
-    The covariance is that of the linear model at the estimate, by the sigmas as given. A number at
-    its limit has none: NaN, and those of the others hold with it there.
+    The covariance is that of the linear model at the estimate, by the sigmas as given. For a number
+    at its limit it is NaN; for the others it holds with that number at its limit.
     """
 
     values: Mapping[str, float]  # SI units
@@ -188,7 +188,7 @@ class Identified(Told):
 
     @property
     def chance(self) -> float:
-        """Return how often a right model would have a larger chi-square; NaN without freedom."""
+        """Return the chance of a larger chi-square if the model is right; NaN without freedom."""
         return float(chi2.sf(self.chi_square, self.freedom)) if self.freedom > 0 else np.nan
 
     def further(
@@ -197,11 +197,10 @@ class Identified(Told):
         """Return which further measurements would tell most, the best of each observable.
 
         They are harmonics with phases up to `orders`, at the speeds measured. `noise` is their
-        standard deviation: a share of the largest RMS of what moves of the observable, of those
-        that sensors show (`Scene.measurable`) or that were measured; or SI units by the name of any
-        observable, others left out. Gains count from what is known now, where each
-        number is known to its own size without any data. Raises ValueError for deviations that are
-        not above zero.
+        standard deviation. A number is a share of each observable's largest RMS about its mean, if
+        sensors show it (`Scene.measurable`) or it was measured. A mapping has SI units by name of
+        any observable, others left out. Gains count from what is known now; without data each
+        number is known to its own size. Raises ValueError for deviations that are not above zero.
         """
         require_orders(orders)
         given = [*noise.values()] if isinstance(noise, Mapping) else noise
@@ -302,18 +301,18 @@ def identify(
     - `machine`: such as `jaxcrusher.read_machine("pump.toml")`, or a function of your own that
       makes a scene of the free numbers and the `speed`, by keyword.
     - `measured`: CSV files as `jaxcrusher.identification.measurements` has them, or `Measurement`s.
-      Of time series harmonics up to `orders` are taken, by the phase that the drive of it
-      has at the shaft's angles.
-    - `free`: names of numbers to be found, which begin at their values in it, or names ->
-      values to begin with. Bounds are the limits of their scene files.
-    - `priors`: names of free numbers -> mean and standard deviation of what else is known of them.
-    - `starts`: all but the first are drawn by `seed`, off by up to a factor of two, or by half of
-      its size for a number that may be negative.
+      Time series give harmonics up to `orders`, by the phase that the machine's drive has at the
+      shaft's angles.
+    - `free`: names of numbers to be found, which begin at the machine's values, or names -> values
+      to begin with. Bounds are the limits of their scene files.
+    - `priors`: names of free numbers -> mean and standard deviation from other knowledge.
+    - `starts`: how many. All but the first are drawn by `seed`: each number is off by up to a
+      factor of two, or by half of its size if it may be negative.
     - `nodes`: of an orbit, as in `jaxcrusher.periodic_orbit`.
 
-    **Returns:** an `Identified`. Numbers that the data do not tell stay near their start, and
-    `untold` names them. Errors count as normal, independent, and small enough for the orbit to be
-    linear within them.
+    **Returns:** an `Identified`. Numbers that the data do not determine stay near their start, and
+    `untold` names them. Errors are assumed normal, independent, and small enough for the orbit to
+    be linear within them.
 
     Raises ValueError for bad arguments, and where no start has an orbit at each speed.
     """

@@ -102,7 +102,7 @@ def read_measured(
 ) -> list[Measurement]:
     """Return what a CSV file holds: a table, or the harmonics of a time series up to `orders`.
 
-    Raises ValueError, with the file, the line and the column, for what is neither.
+    Raises ValueError, with the file, the line and the column, for a file that is neither.
     """
     try:
         rows = read_cells(path)
@@ -184,13 +184,13 @@ def of_series(
 
     `columns` are `time` (s), `angle` (rad, of the shaft, which may begin again each turn), and each
     quantity by its name, with another unit than SI in brackets behind it. Each whole turn has
-    harmonics of its own, of the phase, by least squares. The answer is their mean, and its standard
-    deviation that of independent turns, by Student's distribution.
+    harmonics of its own, of the phase, by least squares. The answer is their mean, with the
+    standard deviation of independent turns, by Student's distribution.
 
     Of n instants a turn at the same angles the order n - k folds onto k: it looks the same, and
-    turns do not scatter by it. So a filter must have taken such orders away, or n must be large. To
-    the standard deviation is added by what the harmonics of every second instant differ, which is
-    what folds at half of n, and at least what folds where orders fall with their square.
+    turns do not scatter by it. So a filter must have taken such orders away, or n must be large.
+    The standard deviation also contains the difference of the harmonics of every second instant,
+    which folds at half of n. This part is at least what folds where orders fall with their square.
 
     Raises ValueError for fewer than five whole turns, for orders of a quarter of n and above, for
     times that fall, and for a gap over which turns cannot be counted.

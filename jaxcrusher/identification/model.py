@@ -30,7 +30,7 @@ _OBLIQUE = re.compile(rf"(.+)_({NUMBER})deg")
 
 
 def require_continuous(argument: str, names: Iterable[str], machine: Machine) -> None:
-    """ValueError for a whole number of a machine, by which nothing has slopes."""
+    """Raise ValueError for a whole number of a machine, since nothing has slopes by it."""
     numbers = machine.structure.numbers({**machine.given, **dict.fromkeys(names)})
     whole = [name for name in names if name in numbers and numbers[name].whole]
     require(not whole, argument, "name numbers that may vary continuously", ", ".join(whole))
@@ -49,7 +49,7 @@ class What(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """What is seen of an orbit; of slopes each array has one more axis."""
+    """What is seen of an orbit, or its slopes, whose arrays have one more axis."""
 
     # by component; A e^(i phi) of each order, the mean first, and the RMS about it last
     spectra: dict[str, Any]
@@ -79,7 +79,7 @@ class Quantities:
     angles: Float[np.ndarray, " n"]  # of the shaft, at equal steps of the phase over a turn
 
     def phase(self, angle: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Return the phase at angles of the shaft: another one where its drive is uneven."""
+        """Return the phase at angles of the shaft: they differ where its drive is uneven."""
         begun = 2 * np.pi * np.floor(angle / (2 * np.pi))
         turn = np.linspace(0, 2 * np.pi, len(self.angles))
         return begun + np.interp(angle - begun, self.angles, turn)
@@ -103,7 +103,7 @@ class Quantities:
         return known[name]
 
     def unit_of(self, quantity: str, order: int | str) -> str:
-        """Return the SI unit of what a measurement is of; ValueError for what is not shown."""
+        """Return the SI unit of a measured quantity; ValueError for one that is not shown."""
         name, known = self.observable(quantity), {**self.statistics, **self.observables}
         if name not in known:
             near = get_close_matches(name, known, n=1)
@@ -170,8 +170,8 @@ def look(
 ) -> tuple[Seen, Seen]:
     """Return what is seen at a point, and its slopes by the first `moved` of its coordinates.
 
-    These are the numbers of `scenes` in shares of `sizes`. `how` are arguments of `periodic_orbit`.
-    NaN where there is no orbit.
+    The coordinates are the numbers of `scenes` in shares of `sizes`. `how` are arguments of
+    `periodic_orbit`. NaN where there is no orbit.
     """
 
     def at(some: Float[Array, " moved"]) -> tuple[Seen, Seen]:

@@ -36,11 +36,11 @@ def propagate(
 ) -> xr.Dataset:
     """Return the standard deviations of statistics and harmonics of an orbit, and their causes.
 
-    By exact slopes. Each number is also moved by sqrt(3) of its deviations to either side, where
-    Gauss and Hermite's three points lie: the slopes there give the second order of each number, and
-    of each product of two. A move of all numbers at once tells what this leaves out. Numbers are
-    normal and independent. Neighbours of the orbit are found as it was: of its period, and by
-    shooting if it was shot for.
+    The slopes are exact. Each number is also moved by sqrt(3) of its deviation to either side,
+    where Gauss and Hermite's three points lie: the slopes there give the second order of each
+    number, and of each product of two. A move of all numbers at once tells what this leaves out.
+    Numbers are normal and independent. Neighbours of the orbit have its period, and are found by
+    shooting if the orbit was.
 
     **Arguments:**
 
@@ -52,12 +52,12 @@ def propagate(
       moment on the ground.
 
     **Returns:** an `xarray.Dataset` over `quantity`, such as "ground_force_y, order 1": `value`,
-    `standard_deviation`, `second_order` (the deviation with the second order), `shift` (of the
-    mean by it) in `unit`, and `linear`, which is logical; over `number` too, `share` of the
-    variance. It is linear where the second order, and what it leaves out, change the deviation by
-    3 % at most. Where it is not, `second_order` is the deviation of parabolas through three points.
-    At the peak of a resonance it is 1 to 1.4 times the true one for a natural frequency with a
-    deviation of up to two half-widths of the peak, and twice that of ten. NaN, and not linear,
+    `standard_deviation`, `second_order` (the deviation with the second order), `shift` (of the mean
+    by it) in `unit`, and `linear`, which is logical; over `number` too, `share` of the variance. A
+    quantity is linear where the second order, and what it leaves out, change the deviation by 3 %
+    at most. Where it is not, `second_order` is the deviation of parabolas through three points. At
+    the peak of a resonance this is 1 to 1.4 times the true deviation for a natural frequency with a
+    deviation of up to two half-widths of the peak, and twice that for ten. NaN, and not linear,
     where a machine of moved numbers has no such orbit.
 
     Raises ValueError for bad arguments, an orbit that was not found, and one of another machine.

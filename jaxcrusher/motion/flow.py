@@ -1,8 +1,8 @@
-"""A piece of motion: of which scene, from which state and phase on.
+"""A piece of motion: its scene, initial state and initial phase.
 
-The phase is omega t in radians, omega the drive's nominal speed: 2 pi a turn, counted on from turn
-to turn. It is the angle that a shaft of constant speed has turned through, but not that of a free
-shaft.
+The phase is omega t in radians, where omega is the drive's nominal speed: 2 pi a turn, not reset at
+each turn. At constant speed it is the angle that the shaft has turned through; for a free shaft it
+is not.
 """
 
 import equinox as eqx
@@ -32,7 +32,7 @@ class Flow(eqx.Module):
 
 @jax.jit  # one trace for the rate, for what is observed, and for every set of outputs
 def by_phase(phase: Scalar, state: PyTree[Scalar], scene: Scene) -> tuple[PyTree[Scalar], Snapshot]:
-    """The derivative of the state by the phase (rad), and the snapshot that it is of.
+    """The derivative of the state by the phase (rad), and its snapshot.
 
     By phase every design has the same span.
     """

@@ -1,6 +1,6 @@
 """Indicators of order and chaos, and the verdict on which they agree.
 
-They are of plain arrays: any map's or flow's will do.
+They take plain arrays, from any map or flow.
 """
 
 from dataclasses import dataclass
@@ -73,9 +73,9 @@ def lyapunov_spectrum(
 ) -> Lyapunov:
     """The spectrum per `slices` steps, from the Jacobians of consecutive steps (Benettin 1980).
 
-    `slices` steps make a period of whatever forces the motion: growth differs from slice to
-    slice, and only whole periods are compared. The first `discard` of them align the frame. The
-    errors are right where batches are long against the memory of the growth rates.
+    `slices` steps make one period of the forcing: growth differs from slice to slice, so only whole
+    periods are compared. The first share `discard` of the periods aligns the frame. The errors are
+    right if batches are much longer than the growth rates' correlation time.
     """
     steps = np.asarray(jacobians, dtype=float)
     frame = np.eye(steps.shape[-1])
@@ -105,9 +105,9 @@ def detect_period(
 ) -> int | None:
     """The least k <= `longest` with x(i + k) = x(i), or None.
 
-    Equal means within `tolerance` of a coordinate's range, or `noise` in its own unit: what the
-    integration leaves on a fixed point. At least three periods are asked for, over which no point
-    drifts by more than ten times that: so small a swing repeats if it turns by 0.2 rad or more.
+    Equal means within `tolerance` of a coordinate's range plus `noise` in its own unit, which is
+    what the integration leaves on a fixed point. Over at least three periods no point drifts by
+    more than ten times this; a swing as small as this repeats if it turns by 0.2 rad or more.
     """
     x = np.asarray(points, dtype=float)
     if not np.isfinite(x).all():
@@ -129,11 +129,11 @@ def widest(points: Float[np.ndarray, "n dims"]) -> Float[np.ndarray, " n"]:
 def spread_trend(
     points: np.ndarray, batches: int = 10, *, noise: float = 0.0
 ) -> tuple[float, bool]:
-    """The change of the points' spread over the window as a share of it, and if it is no accident.
+    """The relative change of the points' spread over the window, and whether it is significant.
 
-    The spread of a batch is the root mean square distance from its mean, each coordinate in
-    units of its range, but for those within `noise`, which hold no motion; the change is that of
-    a straight line through the batches' logarithms.
+    The spread of a batch is the root mean square distance from its mean, with each coordinate in
+    units of its range. Coordinates within `noise` hold no motion and are left out. The change is
+    that of a straight line through the spreads' logarithms.
     """
     span = np.ptp(points, axis=0)
     scaled = points / np.where(span > noise, span, np.inf)
@@ -153,8 +153,9 @@ def zero_one_test(
 ) -> float:
     """K of Gottwald and Melbourne's 0-1 test (2009): near 1 for chaos, near 0 for order.
 
-    The median over random frequencies in (pi/5, 4 pi/5) of the correlation of the modified mean
-    square displacement with time. For section points, a thousand or more; sampled flows mislead.
+    K is the median, over random frequencies in (pi/5, 4 pi/5), of the correlation of the modified
+    mean square displacement with time. Gottwald and Melbourne ask for a thousand section points;
+    200 tell the tori of these machines from chaos, and 100 do not. Sampled flows mislead.
     """
     x = np.asarray(series, dtype=float)
     n, cut = len(x), len(x) // 10

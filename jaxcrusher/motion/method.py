@@ -30,7 +30,7 @@ FEW_TURNS = 2
 
 
 class Method(eqx.Module):
-    """Solver, step-size controller, bounds and adjoint; what is None is chosen for the scene.
+    """Solver, step-size controller, bounds and adjoint; a field of None is chosen for the scene.
 
     - `solver`: any of diffrax; None is Tsit5.
     - `stepsize_controller`: any of diffrax, which then ignores `rtol`; None is a PI controller of
@@ -43,7 +43,7 @@ class Method(eqx.Module):
     - `adjoint`: a diffrax adjoint differentiates through the steps; None is tangents beside the
       motion, under the same error control.
 
-    Raises ValueError for what is none of diffrax (also for its classes), for a `max_steps` that is
+    Raises ValueError for an object not of diffrax (also for its classes), for a `max_steps` that is
     not a whole number >= 1, and a `dt0` not > 0.
     """
 
@@ -77,7 +77,7 @@ def resolve(
     method: Method = Method(),
     first_step: float = FIRST_STEP,
 ) -> Integration:
-    """The method with what it leaves open, for a scene.
+    """The method with its open fields chosen for a scene.
 
     `rtol` counts in clearances (and m/s): 1e-9 is 6e-14 m for a clearance of 0.06 mm. Steps
     are bounded below, so that a motion that is not finite ends at once, and in number.
@@ -95,7 +95,7 @@ def resolve(
 
 
 def require_tolerance(rtol: Scalar | float) -> None:
-    """Check that it is a share of a clearance."""
+    """Check that a tolerance is a share of a clearance."""
     require_positive("rtol", rtol, "")
     known = concrete(rtol)
     require(known is None or bool(known.ndim == 0 and known < 1), "rtol", "be one number < 1", rtol)
@@ -104,7 +104,7 @@ def require_tolerance(rtol: Scalar | float) -> None:
 def warn_of_slopes(found: PyTree, outcome: Outcome, speed: Scalar | float = 1.0):
     """Warn, once in a process, if a motion is too sensitive for the slopes that are taken of it.
 
-    Under `jax.grad` and its kin alone that is known, and in a program of `jax.jit` it is not.
+    The sensitivity is known under `jax.grad` and the like, but not in a program of `jax.jit`.
     `speed` is that of the shaft, rad/s, where the outcome counts seconds.
     """
     if is_concrete(found):  # and nobody waits for numbers that are still computed

@@ -14,7 +14,7 @@ Known = tuple[tuple[str, Any], ...]
 
 
 class MadeOf(property):
-    """A property of a result, there only where what it is made of may be asked for."""
+    """A property of a result, there only if the quantity that it needs may be asked for."""
 
     needed: str
 
@@ -26,7 +26,7 @@ class MadeOf(property):
 
 
 def made_of(needed: str) -> Callable[[Callable[[Any], Array]], Any]:
-    """Make a property of a method that needs something of this name."""
+    """Make a property from a method that needs the quantity of this name."""
 
     def made(method: Callable[[Any], Array]) -> MadeOf:
         found = MadeOf(method)
@@ -39,8 +39,8 @@ def made_of(needed: str) -> Callable[[Callable[[Any], Array]], Any]:
 class AbstractNamed(Told):
     """Arrays by name: `result.x` or `result["x"]`, for every x of `values`.
 
-    What was not asked for raises AttributeError or KeyError, which say so. The result at a prompt,
-    or `print(result)`, shows what there is, with its units.
+    A name that was not asked for raises AttributeError or KeyError, whose message says so. The
+    result at a prompt, or `print(result)`, shows its values with their units.
     """
 
     values: Mapping[str, Any]  # a field of the module that inherits
@@ -57,7 +57,7 @@ class AbstractNamed(Told):
     @property
     @abc.abstractmethod
     def failure(self) -> str:
-        """Why they do not, or nothing (one result with concrete values only)."""
+        """Why the numbers mean nothing, if so (one result with concrete values only)."""
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.values)

@@ -25,10 +25,10 @@ from jaxcrusher.motion.statistics import AbstractOverTurns, Statistics, by_turns
 class Section(AbstractOverTurns, eqx.Module):
     """States at the end of each turn, where the shaft is again at angle zero.
 
-    With the default formulation a state has of each loose joint in turn (e_x / c, e_y / c, e_x',
-    e_y') in 1 and m/s, and behind them the memory of a tracked impact velocity, m/s, if the joint
-    has one. Behind all joints stand those of a free shaft, and the six of a frame on supports, in
-    the units of `jaxcrusher.mechanism.state.FrameUnits`. NaN from a failure on.
+    With the default formulation a state has, for each loose joint in turn, (e_x / c, e_y / c, e_x',
+    e_y') in 1 and m/s, then the memory of a tracked impact velocity, m/s, if the joint has one.
+    After all joints come the numbers of a free shaft and the six of a frame on supports, in the
+    units of `jaxcrusher.mechanism.state.FrameUnits`. States are NaN from a failure on.
     """
 
     states: Float[Array, "turns dims"]
@@ -39,7 +39,7 @@ class Section(AbstractOverTurns, eqx.Module):
 
     @property
     def state(self) -> Float[Array, "*batch dims"]:
-        """The last one, to go on from."""
+        """The last state, to go on from."""
         return self.states[..., -1, :]
 
     @property
@@ -78,7 +78,7 @@ def advance(
 
 
 class Slices(eqx.Module):
-    """A slice of a motion or several: state x, parameters p, and m, kept of each statistic."""
+    """One or several slices of a motion: state x, parameters p, and m, a part of each statistic."""
 
     jacobians: Float[Any, "*slices dims dims"]  # dx_after / dx_before
     forcing: Float[Any, "*slices dims n"]  # dx_after / dp
@@ -168,11 +168,10 @@ def poincare_section(
     **Arguments:**
 
     - `scene`: with a shaft of constant speed, and a load that repeats each turn.
-    - `slices`: the Jacobian of each of so many slices of a turn comes along; more slices for
-      faster growth, since a Jacobian of condition 1e16 holds nothing.
+    - `slices`: slices of a turn whose Jacobians are returned. Faster growth needs more slices,
+      since a Jacobian of condition 1e16 has no digits left.
     - `state`: to start from, shape (dims,), in place of the scene's start.
-    - `outputs`: statistics of each turn that come along, as in
-      `jaxcrusher.statistics`.
+    - `outputs`: statistics of each turn to return, as in `jaxcrusher.statistics`.
     - `rtol`, `method`: as in `jaxcrusher.statistics`.
 
     **Returns:** a `Section`; NaN from a failure on.
@@ -181,8 +180,8 @@ def poincare_section(
     a rough feed, for slices of ideal joints in a clamped frame, whose motion has no state, for
     unknown outputs and for a state of another shape.
 
-    Warns, once in a process, where a derivative outside of `jax.jit` is of a motion so sensitive
-    that it says nothing of others (docs/gradients.md).
+    Warns, once in a process, where a derivative outside of `jax.jit` belongs to a motion so
+    sensitive that it says nothing of other motions (docs/gradients.md).
     """
     require_set_up()
     require_whole("settle_turns", settle_turns, 0)

@@ -1,7 +1,7 @@
 """How far statistics of some turns may be from those of the motion that they settle on.
 
-A standard error is that of a stationary motion. A pin that swings in its bore without leaving it
-decays over thousands of turns: each turn is like the one before, and all of them are off.
+A standard error assumes a stationary motion. The swing of a pin that does not leave its bore decays
+over thousands of turns: each turn is like the one before, and all of them are off.
 """
 
 import math
@@ -41,10 +41,10 @@ def _of_batches(how: Statistic, by_turn: Float[Array, " turns"], count: int) -> 
 
 
 def standard_error(how: Statistic, by_turn: Float[Array, " turns"]) -> Scalar:
-    """Return what chance leaves of a statistic, from the scatter of up to ten batches of turns.
+    """Return the statistical error, from the scatter of up to ten batches of turns.
 
-    Of a mean it is its standard error, of a peak the standard deviation of the batches' peaks.
-    Right for turns that are independent from batch to batch; infinite for one turn.
+    For a mean it is the standard error, for a peak the standard deviation of the batches' peaks. It
+    is right for turns that are independent from batch to batch, and infinite for one turn.
     """
     turns = len(by_turn)
     count = min(BATCHES, turns)
@@ -58,12 +58,12 @@ def standard_error(how: Statistic, by_turn: Float[Array, " turns"]) -> Scalar:
 def error(how: Statistic, by_turn: Float[Array, " turns"], swing: Scalar) -> Scalar:
     """Return the standard error of a statistic, with what has not settled.
 
-    That is by what the last quarter of the turns differs from all of them, and what a `swing` of a
-    pin does. The force in a joint turns with its pin by an angle of the size of the swing in
-    clearances, which is zero in the mean: a mean changes by its square and an extreme by itself,
-    as a share. Of twelve crushers from the centred start the RMS of |R_O| + |R_C| was off by 0.4
-    to 1 of it, and the peak by 0.5 to 1.4; a force that is small beside that of the joint is off
-    by more.
+    That is the difference of the last quarter of the turns from all, and the effect of a pin's
+    `swing`. The force in a joint turns with its pin by an angle of the size of the swing in
+    clearances. This angle is zero in the mean: a mean changes by the swing's square and an extreme
+    by the swing, as a share. For twelve crushers from the centred start the RMS of |R_O| + |R_C|
+    was off by 0.4 to 1 of this share, and the peak by 0.5 to 1.4; a force that is small beside the
+    joint force is off by more.
     """
     last = by_turn[-max(1, len(by_turn) // 4) :]
     value = how.reduction.of_pieces(by_turn)
@@ -93,11 +93,11 @@ def is_settled(
 
 
 def swing_of(states: Float[Array, "turns dims"], scene: Scene) -> Scalar:
-    """Return by how much a pin swings in its bore, RMS, in clearances: the most of loose joints.
+    """Return the RMS swing of a pin in its bore, in clearances: the largest of the loose joints.
 
-    About the mean section point, or those of every second, third or fourth turn. It is zero where
-    a pin is off a dry bore, for what hits it swings in no bore and may be stationary, and for a
-    scene that is not written by eccentricity. Infinite for one turn.
+    It is about the mean section point, or the means of every second, third or fourth one. It is
+    zero where a pin is off a dry bore, since an impacting pin does not swing and may be stationary,
+    and for a scene not written by eccentricity. It is infinite for one turn.
     """
     pins = states[:, pins_of(scene)].reshape(len(states), -1, 2)
     if pins.size == 0:

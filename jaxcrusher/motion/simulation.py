@@ -69,9 +69,9 @@ def _works(scene: Scene) -> dict[str, Callable]:
 class Energy(Told, eqx.Module):
     """The energy ledger: energies, and work since time zero, J; shape (times,) or one instant.
 
-    Springs of supports and rod count as elastic; `support_loss` is what dampers of supports took,
-    None where the frame is clamped, `rod_loss` what that of a rod took, `spring_loss` what those
-    beside springs took, None without one.
+    Springs of supports and rod count as elastic. `support_loss` is the energy that supports'
+    dampers took, None where the frame is clamped. `rod_loss` is that of a rod's damper,
+    `spring_loss` that of dampers beside springs; None without one.
     """
 
     kinetic: Float[Array, "*times"]
@@ -203,9 +203,9 @@ def simulate(
       neither computed nor traced. None is all that the scene has.
     - `state`: at time zero, in place of the scene's start: shape (dims,), with the shaft at angle
       zero, as `Statistics.state` and `Section.state` have it.
-    - `rtol`: tolerance of a step, in clearances and m/s. Forces over the first 20 ms of impacts
-      are right to 1e-6 at 1e-11; at 30 ms, where errors have grown like exp(200 t), to 1e-4 of
-      the largest force at worst, and to 4e-3 at 1e-9 (`benchmarks/crosschecks.py`).
+    - `rtol`: tolerance of a step, in clearances and m/s. With 1e-11, forces over the first 20 ms of
+      impacts are right to 1e-6. At 30 ms errors have grown like exp(200 t), to 1e-4 of the largest
+      force at worst, and with 1e-9 to 4e-3 (`benchmarks/crosschecks.py`).
     - `method`: solver, step-size controller, bounds and adjoint, see `jaxcrusher.Method`.
 
     **Returns:** a `Trajectory`.

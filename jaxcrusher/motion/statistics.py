@@ -50,7 +50,7 @@ OF_CONTACT = ("penetration_ratio", "impact_speed")
 
 
 class AbstractOverTurns(AbstractNamed, StatisticNames):
-    """Statistics by name, and how the integration that they are of ended."""
+    """Statistics by name, and how their integration ended."""
 
     outcome: Outcome  # fields of the module that inherits
     known: Chosen
@@ -95,10 +95,10 @@ class Statistics(AbstractOverTurns, eqx.Module):
     def whirl(self) -> Bool[Array, "*batch"]:
         """Whether the motion is a friction whirl: a pin rolls round its bore.
 
-        It rolls against its body's turning in the bore, so backwards at a crusher's main joint.
-        Its penetrations, of the order of the clearance, are outside Hertz's theory. Any pin tells
-        whose winding was asked for. Those of elbow and pivot go round only while A's does
-        (docs/stability_seats.md), and that of the shaft's bearing also alone.
+        The pin rolls against the rotation of its body in the bore, so backwards at a crusher's main
+        joint. Its penetrations, of the order of the clearance, are outside Hertz's theory. Each pin
+        whose winding was asked for counts. Pins of elbow and pivot go round only while A's does
+        (docs/stability_seats.md), that of the shaft's bearing also alone.
         """
         rolling = jnp.zeros_like(self.success)
         asked = [name for name in self.values if name.endswith("winding")]
@@ -110,10 +110,11 @@ class Statistics(AbstractOverTurns, eqx.Module):
 
     @property
     def settled(self) -> Bool[Array, "*batch"]:
-        """Whether the turns are those of a motion that has settled, as far as they tell it.
+        """Whether the motion has settled, as far as its turns show it.
 
-        No pin swings in its bore without leaving it, which decays in thousands of turns, and no
-        force, moment, power or displacement has a trend. One turn does not tell it.
+        No pin swings in its bore without leaving it (a swing that decays in thousands of turns),
+        and no force, moment, power, pressure or displacement has a trend. One turn does not show
+        that.
         """
         if self.outcome.success.ndim:
             return jax.vmap(lambda one: one.settled)(self)
@@ -190,22 +191,22 @@ def statistics(
     - `scene`: what to simulate; its numbers may be traced.
     - `settle_turns`, `turns`: whole numbers, >= 0 and >= 1.
     - `outputs`: any of `scene.statistics`, which has the user's own (`scene.with_statistics`) too;
-      the rest is neither computed nor traced. None is `scene.usual_statistics`: of a crusher
-      `jaxcrusher.STATISTICS`, and the same of each other loose joint with its name before.
+      the rest is neither computed nor traced. None is `scene.usual_statistics`: for a crusher
+      `jaxcrusher.STATISTICS`, and the same of each other loose joint, prefixed by its name.
     - `state`: to start from, shape (dims,), as `Statistics.state` and `Section.state` have it, in
       place of the scene's start.
     - `rtol`, `method`: as in `jaxcrusher.simulate`, with time in radians of phase and
       steps counted per turn.
 
     **Returns:** a `Statistics`. RMS and means are integrated with the motion; peaks, shares of the
-    time and counts are followed from step to step of the integrator, a peak as the top of the
-    parabola through the ends of three steps. What is `Sampled` is seen at 1024 instants a turn.
+    time and counts are followed from step to step of the integrator. A peak is the top of the
+    parabola through the ends of three steps. `Sampled` ones are seen at 1024 instants a turn.
 
     Raises ValueError for counts that are not whole numbers in range, outputs that the scene does
     not have, and a state of another shape.
 
-    Warns, once in a process, where a derivative outside of `jax.jit` is of a motion so sensitive
-    that it says nothing of others (docs/gradients.md).
+    Warns, once in a process, where a derivative outside of `jax.jit` belongs to a motion so
+    sensitive that it says nothing of other motions (docs/gradients.md).
     """
     require_set_up()
     require_whole("settle_turns", settle_turns, 0)
@@ -254,9 +255,8 @@ def by_turns(
 def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity:
     """Return the limits of the contact model, as far as these statistics tell them.
 
-    They are those of the joint without a prefix, and in `others` those of the other loose joints
-    and of what else has limits, such as a rod. An ideal one keeps to them, and one that there is
-    not.
+    They are the limits of the joint without a prefix; `others` has those of the other loose joints
+    and of other parts, such as a rod. A joint that is ideal or does not exist keeps to its limits.
     """
     parts: dict[str, tuple[Callable[..., Any], tuple[str, ...]]] = {
         joint: (
@@ -283,9 +283,9 @@ def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity:
 
 
 def of_whirl(scene: Scene) -> tuple[str, ...]:
-    """Return the leading statistic of a scene, and what tells a whirl of it: of ideal joints none.
+    """Return the names of a scene's leading statistic and of those that show a whirl.
 
-    An ideal crusher has statistics of its main joint all the same.
+    Ideal joints have none, but an ideal crusher has those of its main joint all the same.
     """
     prefixes = map(scene.prefix, scene.joints.names or scene.watched)
     return scene.leading, *(at + of for at in prefixes for of in ("contact_fraction", "winding"))
@@ -296,9 +296,9 @@ def statistics_problem(
 ) -> tuple[InitialValueProblem, Float[Array, " n"]]:
     """Return the problem of a turn with its statistics, or of a share of a turn, and its instants.
 
-    These are the shares of a turn at which samples are seen, and the end. Totals and samples are by
-    phase, in radians. Of a share come the means, the samples and the numbers that are followed,
-    which `jaxcrusher.mechanism.reductions.of_slices` puts together.
+    The instants are the shares of a turn at which samples are taken, and the end. Totals and
+    samples are by phase, in radians. A share of a turn gives means, samples and followed numbers;
+    `jaxcrusher.mechanism.reductions.of_slices` puts them together.
     """
     # A motion without a state has no impacts, and nothing that chooses steps for it.
     moves = bool(jax.tree.leaves(jax.eval_shape(flow.initial)))

@@ -39,9 +39,9 @@ def tangents(
 ) -> Slices:
     """Return the slices of `turns` turns of `build(point)` from the section point `state`.
 
-    They are NumPy arrays, the values those of the one `metric`, and NaN from a failure on. The
-    tangents are integrated beside the motion, under the same tolerance. Every call runs the same
-    compiled turn, whatever its length, tolerance, state and point.
+    They are NumPy arrays with the values of one `metric`, and NaN from a failure on. The tangents
+    are integrated beside the motion, under the same tolerance. Every call runs the same compiled
+    turn, whatever its length, tolerance, state and point.
     """
     state, parts, outcome = jnp.asarray(state), [], fine()
     outputs = build(point).entries((metric,))
@@ -80,7 +80,7 @@ def slices_apart(
 ) -> tuple[
     Float[Array, "slices dims"], Float[Array, "slices dims dims"], Float[Array, "slices dims n"]
 ]:
-    """Return where each slice of a turn leads from its own state, by that and by the parameters.
+    """Return where each slice leads from its own state, with slopes by the state and parameters.
 
     NaN from a failure on.
     """

@@ -33,9 +33,9 @@ logger = logging.getLogger(__name__)
 
 
 class Curve(NamedTuple):
-    """A number along the pieces of a motion, at equal steps of the phase, and its ends in each.
+    """A number along the pieces of a motion, at equal steps of the phase, and its extremes in each.
 
-    Impacts last less than the step between two of its values; the ends of a run know them.
+    An impact is shorter than the step between two values; the extremes of a run contain it.
     """
 
     unit: str
@@ -45,7 +45,7 @@ class Curve(NamedTuple):
 
     @property
     def moving(self) -> "Curve":
-        """Return what moves of it: all but its mean."""
+        """Return the curve without its mean."""
         mean = self.values.mean()
         return Curve(self.unit, self.values - mean, self.largest - mean, self.least - mean)
 
@@ -56,14 +56,14 @@ class Curve(NamedTuple):
 
     @property
     def rms(self) -> Float[Array, " pieces"]:
-        """Return the root of each piece's mean square; of a zero it has no slope."""
+        """Return the root mean square of each piece; where it is zero, so is its slope."""
         square = jnp.mean(self.values**2, axis=1)
         return jnp.where(square == 0, 0.0, jnp.sqrt(jnp.where(square == 0, 1.0, square)))
 
     def amplitudes(self, highest: int) -> Complex[Array, "pieces orders"]:
         """Return each piece's complex amplitudes A e^(i phi) of A cos(k theta + phi).
 
-        Order 0 is the mean; the others, up to the `highest`, are whole numbers to a piece.
+        Order 0 is the mean; the others, up to the `highest`, count periods in a piece.
         """
         # An FFT sums a exp(-i k theta): its angle is the phase of the cosine.
         spectrum = jnp.fft.rfft(self.values, axis=1)[:, : highest + 1] / self.values.shape[1]
@@ -72,7 +72,7 @@ class Curve(NamedTuple):
 
 
 def curve_of(unit: str, values: Float[Any, "pieces samples"]) -> Curve:
-    """Return a curve whose ends are among its values."""
+    """Return a curve whose extremes are among its values."""
     return Curve(unit, values, values.max(axis=1), values.min(axis=1))
 
 
@@ -80,9 +80,9 @@ def curve_of(unit: str, values: Float[Any, "pieces samples"]) -> Curve:
 class Turns:
     """Statistics of the pieces of a motion and quantities in them, by name.
 
-    A statistic has the shape (pieces,), and what is seen at equal steps of the phase, from phase
-    zero on, (pieces, samples) or (pieces, samples, 2). A piece is `length` turns. A run has a piece
-    for each turn, and an orbit one piece, which repeats.
+    A statistic has the shape (pieces,). A quantity at equal steps of the phase, from phase zero on,
+    has the shape (pieces, samples) or (pieces, samples, 2). A piece is `length` turns. A run has a
+    piece for each turn, and an orbit one piece, which repeats.
     """
 
     scene: Scene
@@ -92,7 +92,7 @@ class Turns:
     failure: str = ""  # why a run stopped, or nothing
 
     def curves(self) -> dict[str, Curve]:
-        """Return the curves of observables that were seen; of a vector those of its sides."""
+        """Return the curves of the sampled observables; a vector has one for each component."""
         found = {}
         for name, values in self.values.items():
             columns = values.reshape(*values.shape[:2], -1)
@@ -129,16 +129,16 @@ def run_turns(
 ) -> Turns:
     """Integrate a motion from its start and return the statistics of its turns.
 
-    It tells its progress to the logger. Settling ends after a third of the `seconds`, and the run
-    with them, but not before 10 turns are seen: `Turns` says how many turns there were.
+    It logs its progress. Settling ends after a third of the `seconds`. The run ends after all of
+    them, but not before 10 turns are seen: `Turns` says how many turns there were.
 
     **Arguments:**
 
     - `scene`: what to simulate, with concrete values.
     - `outputs`: names and statistics; those of `jaxcrusher.mechanism.reductions.samples_of` are
       what is seen 1024 times a turn.
-    - `settle`, `turns`: turns before those that are kept, and those; in steps of five.
-    - `seconds`: of the wall's clock, from the first five turns on.
+    - `settle`, `turns`: the turns before the kept ones, and the kept turns; in steps of five.
+    - `seconds`: of wall-clock time after the first five turns.
     - `rtol`: as in `jaxcrusher.statistics`.
 
     Raises ValueError for counts that are not whole numbers in range.

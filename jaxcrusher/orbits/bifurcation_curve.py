@@ -51,9 +51,9 @@ def bifurcation_curve(
       that `jaxcrusher.orbit_branch` followed over the first parameter.
     - `second`: the second parameter's value on that branch.
     - `bounds`: of the first and of the second parameter.
-    - `scales`: what changes of both are small against, > 0; None is a thirtieth of where the event
-      is. Steps are three tenths of them at most.
-    - `points`: at most, each way.
+    - `scales`: of the parameters, > 0, against which changes are small; None is a thirtieth of the
+      values at the event. Steps are three tenths of them at most.
+    - `points`: the most points, each way.
 
     **Returns:** an `OrbitBranch`, whose `table` has the columns `parameter` (the first) and
     `second` beside those of `orbit_branch`. Its events are the cusps of a curve of folds, whose

@@ -104,7 +104,7 @@ def coordinates_seen(s: Snapshot, scene: Scene) -> Float[Array, " dims"]:
 
 
 def pins(x: Float[Any, "*nodes dims"]) -> Float[Any, "*nodes joints 2"]:
-    """Return those of the unknowns that are e / c, by joint; a frame has three, behind them."""
+    """Return the unknowns that are e / c, by joint; the three of a frame stand behind them."""
     dims = x.shape[-1]
     return x[..., : dims - dims % 2 * 3].reshape(*x.shape[:-1], -1, 2)
 
@@ -168,7 +168,7 @@ def system(scene: Scene, period: int) -> System:
 
 
 def quasi_static(scene: Scene, period: int, count: int) -> Float[Array, "count dims"]:
-    """Return the pins resting under the forces of a motion that their own depth corrects.
+    """Return the pins resting under the forces of the motion, corrected for their penetration.
 
     A frame on supports stands under its weight and does not move yet.
     """
@@ -201,8 +201,8 @@ def least_penetrations(
 ) -> Float[Array, " joints"]:
     """Return the least penetration of each joint over the period, in clearances.
 
-    Of all of them, or of some. Between the instants of a grid Newton's method goes on, so that it
-    is smooth in the nodes.
+    `joints` of None are all. Between the instants of a grid Newton's method goes on, so that the
+    result is smooth in the nodes.
     """
     pairs = pins(x) if joints is None else pins(x)[:, list(joints)]
     grid = resample(pairs, max(SAMPLES, 4 * len(x)))

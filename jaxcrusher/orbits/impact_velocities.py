@@ -1,8 +1,8 @@
-"""Tracked impact velocities, held at what they come to.
+"""Tracked impact velocities, held at their final values.
 
-In contact a tracked impact velocity rests, and any value of it repeats itself: an orbit does not
-tell it. The motion from the scene's own start does. Once that keeps contact at every joint, its
-last impact has fixed the velocity for good, and the scene with that constant has the same motion.
+In contact a tracked impact velocity is constant, and any value of it repeats: an orbit does not
+determine it. The motion from the scene's own start does. Once this motion keeps contact at every
+joint, its last impact has fixed the velocity, and the scene with this constant has the same motion.
 """
 
 import equinox as eqx
@@ -24,7 +24,7 @@ KEPT = 12
 
 
 def settled_velocities(scene: Scene, spent: Spent) -> dict[str, Array] | None:
-    """Return what the impact velocity of each joint comes to from the scene's start, in m/s.
+    """Return the final impact velocity of each joint, from the scene's start, in m/s.
 
     None where contact is not kept within an effort: each impact then sets another velocity.
     Concrete values only.

@@ -1,12 +1,12 @@
-"""Orbits from the pins at rest, by way of a damping that the machine does not have.
+"""Orbits from the pins at rest, by continuation in a damping that the machine does not have.
 
 Near a resonance the pin swings too far for Newton's method to come to the orbit from rest. With
 x'' = f - k x' in place of x'' = f, and k as large as the swing is fast, the pins only follow their
 loads, and rest is a good guess. From there k is lowered to zero in steps that Newton's method can
 follow (natural continuation: Allgower and Georg, Introduction to Numerical Continuation Methods,
-2003). What it comes to is the motion of least swing among those that coexist: for a resonance of
-one degree of freedom the damping at which an amplitude is possible is a function of the amplitude,
-and the smallest one comes first.
+2003). The result is the motion of least swing among those that coexist: for a resonance of one
+degree of freedom the damping at which an amplitude is possible is a function of the amplitude, and
+the smallest amplitude comes first.
 """
 
 import equinox as eqx
@@ -33,7 +33,7 @@ SHORTEST, MOST_STEPS = 0.97, 300
 
 
 class Lowered(eqx.Module):
-    """An orbit, how the search for it ended, and whether it took the way by the damping."""
+    """An orbit, how the search for it ended, and whether it used the damping."""
 
     x: Float[Array, "nodes dims"]  # NaN of a failure
     result: RESULTS
@@ -54,7 +54,7 @@ class _Lowering(eqx.Module):
 def lowered(
     scene: Scene, period: int, start: Float[Array, "nodes dims"], at_rest: Bool[Array, ""]
 ) -> Lowered:
-    """Return the orbit near `start`; by way of a damping if it fails from the pins at rest.
+    """Return the orbit near `start`; if a start at rest fails, by continuation in a damping.
 
     Pure JAX, and one program of Newton's method for all of it.
     """

@@ -73,7 +73,7 @@ class BranchSwitch:
     direction: np.ndarray | None = field(repr=False)
 
     def with_nodes(self, nodes: int) -> "BranchSwitch":
-        """Return the same place with so many nodes a turn; where slices begin there are none."""
+        """Return the same place with so many nodes a turn; states of shooting have no nodes."""
         if self.unknowns.ndim == 1:
             return self
         shape, count = self.unknowns.shape, nodes * self.period
@@ -88,9 +88,10 @@ class BranchSwitch:
 class Event:
     """A change along a branch: its kind, and the value of the parameter, NaN if not located.
 
-    `error` is that of the value. By nodes it is located again with twice as many, up to 384 a turn,
-    until it moves by less than 1e-8 of the scale; by shooting it is what a tolerance 100 times as
-    large makes of the value. Of a cusp it is NaN, for no other equations are solved there.
+    `error` is the error of the value. By collocation it is located again with twice as many nodes,
+    up to 384 a turn, until it moves by less than 1e-8 of the scale. By shooting it is the change of
+    the value by a tolerance 100 times as large. For a cusp it is NaN: no other equations are solved
+    there.
 
     `kind` is "fold", "branch point", "period doubling", "Neimark-Sacker", "contact lost", "contact
     lost at the elbow", "contact lost at the pivot" or, on a curve of folds, "cusp".
@@ -192,26 +193,26 @@ def orbit_branch(
 ) -> OrbitBranch:
     """Return the branch of periodic orbits through the one at a value of a parameter.
 
-    By collocation while contact is kept, to where it is lost. The branch of a first motion that
-    the nodes do not resolve, such as one that loses contact, is followed by shooting, through gain
-    and loss of contact. A point of it takes some two seconds. A warning says so, and `found` of the
-    result.
+    Collocation follows the branch while contact is kept, to where it is lost. If nodes do not
+    resolve the first motion, as when it loses contact, shooting follows the branch through gain and
+    loss of contact, some two seconds a point. A warning and the result's `found` say so.
 
     **Arguments:**
 
     - `machine`: one whose scenes `jaxcrusher.periodic_orbit` takes, such as
       `jaxcrusher.paper_machine(start="contact")`, or a function of your own that makes them.
     - `name`: of the number that varies, such as "speed".
-    - `start`, `bounds`: where the branch begins, and between what it is followed, to a last point
-      on one of them. A `BranchSwitch`, as `Event.other_branch` gives it, begins a branch that
-      leaves another one of the same `machine`.
+    - `start`, `bounds`: where the branch begins, and the values between which it is followed, to a
+      last point on one of them. A `BranchSwitch`, as `Event.other_branch` gives it, begins a branch
+      that leaves another one of the same `machine`.
     - `upwards`: whether the parameter grows at first; of a branch switch, to which of two sides.
-    - `scale`: what a change of the parameter is small against, > 0; None is a thirtieth of
-      `start`. Steps are a tenth of it at most, and shorter where multipliers move fast.
-    - `period`, `nodes`: turns, and an even number of nodes a turn, unless it is shot for. None is
-      the guess's or 1, and 192 or those of a branch switch. Where the branch wiggles within the
+    - `scale`: of the parameter, > 0, against which its changes are small; None is a thirtieth of
+      `start`. Steps are a tenth of it at most, by shooting four tenths, and shorter where
+      multipliers move fast.
+    - `period`, `nodes`: turns, and an even number of nodes a turn for collocation. None is the
+      guess's period or 1, and 192 or those of a branch switch. Where the branch wiggles within the
       error of its nodes, it is followed again with twice as many, up to 384.
-    - `points`: at most.
+    - `points`: the most points.
     - `guess`: of the first motion, as in `periodic_orbit`. Neither it nor `period` is used with
       a branch switch.
 

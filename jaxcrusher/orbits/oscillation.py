@@ -30,9 +30,9 @@ class Oscillation(NamedTuple):
 
 
 def about_means(states: Any, period: int) -> tuple[Any, Any]:
-    """Return means of states so many turns apart, and how far the states are from these.
+    """Return the means of states so many turns apart, and the states' differences from them.
 
-    The last mean is that of the last state. First states that fill no period are left out.
+    The last mean contains the last state. First states that fill no period are left out.
     """
     parts = states[len(states) % period :].reshape(-1, period, states.shape[1])
     means = parts.mean(axis=0)
@@ -44,8 +44,8 @@ def oscillation_about(
 ) -> Oscillation:
     """Return the oscillation of whole multiples of `period` turns about an orbit of that period.
 
-    The numbers `pins` of a state are looked at (see `jaxcrusher.mechanism.state.pins_of`), and no
-    frame that stands on springs.
+    Only the numbers `pins` of a state count (see `jaxcrusher.mechanism.state.pins_of`), and not a
+    frame on springs.
     """
     centre, apart = about_means(states, period)
     spread = float(np.sqrt(np.mean(apart[..., pins] ** 2)))

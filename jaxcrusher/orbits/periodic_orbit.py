@@ -1,4 +1,4 @@
-"""The motion that a machine settles on, solved for instead of waited for."""
+"""The motion that a machine settles on, solved for without its transient."""
 
 import dataclasses
 from collections.abc import Callable
@@ -40,49 +40,50 @@ def periodic_orbit(
 ) -> PeriodicOrbit:
     """Return the motion of `scene` that repeats after `period` turns.
 
-    By Fourier collocation, from the pins at rest or by a damping that is lowered to none. Where
-    values are known, further ways are tried until an orbit is stable (`jaxcrusher.orbits.search`):
-    the motion is waited for over up to 1920 turns and solved for from there, by shooting if it
-    loses contact.
+    Fourier collocation begins from the pins at rest, or by continuation in a damping that is
+    lowered to zero. Where values are known, further ways are tried until an orbit is stable
+    (`jaxcrusher.orbits.search`): the transient is integrated over up to 1920 turns, and the orbit
+    solved for from there, by shooting if it loses contact.
 
     **Arguments:**
 
-    - `scene`: by eccentricity or with an ideal joint, at constant speed. Its start does not matter,
-      but for a tracked impact velocity, which is held at what it comes to from there; its values
-      must then be known. Of a rough feed it is the orbit under the mean load: see
-      `jaxcrusher.feed_response`. Its numbers may be traced: works under `jax.jit`, `jax.vmap`,
-      `jax.grad`, `jax.jacfwd` and `jax.jvp`; slopes by the implicit function theorem.
-    - `period`: turns of the shaft, >= 1. None is the guess's, or 1; or 2 to 4, with the effort
-      "thorough" to 12, where the motion that is waited for repeats so.
-    - `nodes`: even number of nodes a turn. None is 96, and more, up to 384, until the RMS
-      stands to 1e-8 of itself. With a number given nothing is waited for.
-    - `guess`: a neighbour, or e / c at equally spaced phases of the whole period; None, or NaN, is
-      the pin resting in its bore under the ideal joint's force. To shoot from, a neighbour or a
-      section point, shape (states,); None is the mean of turns that are waited for.
+    - `scene`: by eccentricity or with an ideal joint, at constant speed. Its start matters only for
+      a tracked impact velocity, which is held at its final value from there; the scene's values
+      must then be known. With a rough feed the orbit is that under the mean load: see
+      `jaxcrusher.feed_response`. Numbers may be traced by `jax.jit`, `jax.vmap`, `jax.grad`,
+      `jax.jacfwd` and `jax.jvp`; slopes by the implicit function theorem.
+    - `period`: turns of the shaft, >= 1. None is the guess's period, or 1; or 2 to 4, with the
+      effort "thorough" up to 12, where the integrated motion repeats so.
+    - `nodes`: even number of nodes a turn. None is 96, and more, up to 384, until the error of the
+      RMS is 1e-8 of it. With a number given no transient is integrated.
+    - `guess`: a neighbouring orbit, or e / c at equally spaced phases of the whole period; None, or
+      NaN, is the pin resting in its bore under the ideal joint's force. For shooting, a
+      neighbouring orbit or a section point, shape (states,); None is the mean of turns of the
+      transient.
     - `method`: "shooting" solves for the section point by the integrator alone, which an impact
-      does not disturb, also under `jax.jit`. None is by nodes, and further ways as told above; and
-      shooting where a bearing remembers something, as bristles do.
-    - `effort`: "quick" takes 96 nodes alone, waits for 480 turns at most and does not shoot.
+      does not disturb, also under `jax.jit`. None is collocation and the further ways above, or
+      shooting where a bearing has a memory, as bristles do.
+    - `effort`: "quick" takes 96 nodes only, integrates 480 turns at most and does no shooting.
       "usual" tries all ways, cheap ones first, and ends after four million steps of the integrator
-      (`jaxcrusher.orbits.effort`): an answer takes seconds, besides compilation, also where
-      there is no orbit. "thorough" has no such bound, and waits for up to 7680 turns. It does not
-      matter where `nodes` or a `method` is given. Ctrl-C ends a search with a KeyboardInterrupt
-      that says what is known.
+      (`jaxcrusher.orbits.effort`): an answer takes seconds, besides compilation, also where there
+      is no orbit. "thorough" has no such bound, and integrates up to 7680 turns. It does not matter
+      where a `method` is given; where `nodes` are given it bounds the integration of multipliers
+      alone. Ctrl-C ends a search with a KeyboardInterrupt that says what is known.
 
     **Returns:** a `PeriodicOrbit`, stable or not: look at `success` and `stable`. `found` says by
-    which way it was found, and `failure` what the motion does if it has none. An orbit whose RMS is
-    not known to 1e-3 is a failure. One whose largest multiplier is 1 within its estimated error is
-    not called stable, but `undecided`.
+    which way it was found, and `failure` what the motion does if it has no orbit. An orbit whose
+    RMS is not known to 1e-3 is a failure. One whose largest multiplier is 1 within its estimated
+    error is not called stable, but `undecided`.
 
     Values are known outside of `jax.jit` and `jax.vmap`, and inside of `jax.grad` alone. A motion
     that begins on the orbit then comes back to its beginning within 1e-6 clearances and m/s. The
-    variational equations tell that from the defect between the nodes; where they leave a doubt, the
-    motion is integrated once round its period. Under `jax.jit` and `jax.vmap` collocation with 96
-    nodes a turn, or 384 where these do not settle the RMS, is all, unless shooting is asked for. An
-    orbit that loses contact has slopes as others have; of multipliers and of failures they are NaN.
+    variational equations check this from the defect between the nodes; where they leave a doubt,
+    the motion is integrated over one period. Under `jax.jit` and `jax.vmap` only collocation is
+    used, with 96 nodes a turn or 384 where these do not settle the RMS, unless shooting is asked
+    for. An orbit that loses contact has slopes too; slopes of multipliers and of failures are NaN.
 
-    Raises ValueError for a period, nodes or a method that are not such, and in one line for a scene
-    that is not one of these.
+    Raises ValueError for an invalid period, nodes or method, and in one line for a scene that is
+    not as above.
     """
     return orbit_by(
         Lone(), scene, period=period, nodes=nodes, guess=guess, method=method, effort=effort

@@ -43,7 +43,7 @@ PICTURED = 128
 
 
 class RESULTS(newton.RESULTS):  # pyright: ignore
-    """Newton's method ended so, or its root is no orbit."""
+    """How Newton's method ended, or why its root is no orbit."""
 
     contact_lost = "The motion loses contact, which these nodes do not resolve."
     unresolved = "The motion is not resolved by these nodes."
@@ -144,7 +144,7 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
 
     @property
     def alike(self) -> dict[str, Any]:
-        """Return the arguments by which `periodic_orbit` finds what a small change makes of it.
+        """Return the arguments by which `periodic_orbit` finds this orbit after a small change.
 
         Concrete values of one orbit only.
         """
@@ -172,7 +172,7 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
 
     @property
     def undecided(self) -> Bool[Array, "*batch"]:
-        """Whether it is not known if disturbances die, of an orbit.
+        """Whether it is unknown if disturbances of this orbit die.
 
         Its largest multiplier is 1 within `multipliers_error`.
         """
@@ -188,9 +188,8 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
     def instability(self) -> str:
         """Say how disturbances of an orbit grow, or that it is not known (concrete values only).
 
-        Nothing if they die.
-
-        Also what the motion from the pins at rest does instead, if it was waited for.
+        Empty if they die. It also says what the motion from the pins at rest does instead, if it
+        was integrated.
         """
         require_one(self)
         if not bool(self.success) or bool(self.stable):
@@ -281,8 +280,8 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
         """Return where the motion is at a phase (rad); it may be handed to a formulation.
 
         The phase is omega t, the shaft's angle at its mean speed, through all turns of the period.
-        Raises ValueError for a batch of orbits: `jax.vmap` takes many; and for a bearing that
-        remembers something, whose state `section` tells.
+        Raises ValueError for a batch of orbits, which `jax.vmap` takes, and for a bearing with a
+        memory, whose state is in `section`.
         """
         require_own_process()
         require_one(self)
@@ -298,7 +297,7 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
 
         A phase is omega t, the shaft's angle at its mean speed, through all turns of the period.
 
-        None is all that the scene has. Where a bearing remembers something, the motion is
+        `outputs` of None are all observables. Where a bearing has a memory, the motion is
         integrated from `section` on, up to phases that are known. Raises ValueError for a name that
         its `observables` lack, and for a batch of orbits.
         """
@@ -336,7 +335,7 @@ def built(
 ) -> PeriodicOrbit:
     """Return an orbit; its statistics tell the limits of the contact model.
 
-    Of a scene with a number that is not finite, as one outside its limits becomes, there is none.
+    A scene with a number that is not finite, as one outside its limits becomes, has no orbit.
     """
     result = RESULTS.where(all_finite(scene), result, RESULTS.promote(newton.RESULTS.not_finite))
     return PeriodicOrbit(
@@ -359,7 +358,7 @@ def built(
 
 @eqx.filter_jit
 def missing(scene: Scene, period: int, result: RESULTS) -> PeriodicOrbit:
-    """Return no orbit, for a reason: NaN in every number."""
+    """Return a failed orbit, for a reason: NaN in every number."""
     nan, dims = jnp.asarray(jnp.nan), forced.states(scene)
     return built(
         scene,

@@ -46,7 +46,7 @@ class SceneFlow(AbstractFlow):
     def slices(
         self, p: Float[Array, " n"], states: Float[Array, "slices dims"], rtol: Scalar
     ) -> tuple[Array, Array, Array]:
-        """Return where each slice of a turn leads from its own state, by that and by p."""
+        """Return where each slice of a turn leads from its state, with slopes by state and p."""
         return slices_apart(self.build, p, states, rtol)
 
     def monitors(

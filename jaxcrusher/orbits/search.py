@@ -1,19 +1,19 @@
 """The search for the orbit of a scene with known values: tries, one after the other.
 
-1. Newton's method by nodes from the guess, or from the pins at rest and by way of a damping. The
-   damping leads to the quietest of several motions: the motion from rest is looked at, and goes
-   before.
-2. Section points: of the guess, and then means of turns that are waited for from rest, unless these
-   are chaotic. Newton's method, with differences of turns, leads to one that repeats. Its orbit is
-   solved for by nodes and, where it loses contact, by shooting.
-3. The section point of what nodes do not resolve.
+1. Newton's method by nodes from the guess, or from the pins at rest and by continuation in a
+   damping. The damping leads to the quietest of several motions: the motion from rest is checked,
+   and goes before.
+2. Section points: of the guess, and then means of turns integrated from rest, unless these are
+   chaotic. Newton's method, with differences of turns, leads to a section point that repeats. Its
+   orbit is solved for by nodes and, where it loses contact, by shooting.
+3. The section point of a motion that nodes do not resolve.
 
-Where one of these leads to an unstable orbit whose period has doubled, the orbit of twice the turns
-is searched for from beside it. The first stable orbit is the answer. An unbounded effort takes the
-third try before what it waits for. Under `jax.jit` the first try is all: see
+Where a try leads to an unstable orbit whose period has doubled, the orbit of twice the turns is
+searched for beside it. The first stable orbit is the answer. An unbounded effort takes the third
+try before it integrates from rest. Under `jax.jit` there is only the first try: see
 `jaxcrusher.orbits.solving`.
 
-A search asks for its turns, so that those of many searches are integrated at once
+A search asks for its turns, so that turns of many searches are integrated at once
 (`jaxcrusher.dynamics.searches`): the search for one orbit and for many is the same.
 """
 
@@ -239,7 +239,7 @@ class OrbitSearch(NamedTuple):
     def doubled(self, orbit: PeriodicOrbit) -> Iterator[Try]:
         """Yield tries from beside an unstable orbit until one leads to an orbit of twice its turns.
 
-        They start where the disturbance that changes sides leads.
+        They start along the disturbance that alternates in sign.
         """
         turns, start = 2 * orbit.period, orbit.section
         if turns > self.spent.bounds.longest or not self.can_shoot(start, turns):
@@ -264,8 +264,8 @@ class OrbitSearch(NamedTuple):
 def searched(search: OrbitSearch, nodes: int | None) -> PeriodicOrbit:
     """Return the stable orbit of a scene, with so many nodes a turn, or by all tries.
 
-    Without one the first that is unstable, and what the motion from rest does instead; where there
-    is none, why.
+    If none is stable, it is the first unstable one, with what the motion from rest does instead; a
+    failure says why.
     """
     if nodes is not None:
         return first_stable([search.by_nodes(search.guess, search.turns, nodes, nodes)])
@@ -276,7 +276,7 @@ def searched(search: OrbitSearch, nodes: int | None) -> PeriodicOrbit:
 def shot_for(search: OrbitSearch) -> PeriodicOrbit:
     """Return the stable orbit that shooting leads to, as `searched` does.
 
-    From the section point of a guess, and then from the means of turns that are waited for.
+    It starts from the section point of a guess, and then from means of turns of the transient.
     """
     wait = search.wait()
     return first_stable(_shots(search, wait), wait)
@@ -285,7 +285,7 @@ def shot_for(search: OrbitSearch) -> PeriodicOrbit:
 def shot_once(scene: Scene, still: Scene, section: Array | None, turns: int) -> PeriodicOrbit:
     """Return the orbit that shooting leads to once, whose values may be traced.
 
-    From a section point, or from the mean of 240 turns from the pins at rest.
+    It starts from a section point, or from the mean of the last half of 240 turns from rest.
     """
     if section is None:
         states, *_ = section_points(resting_start(still), turns=TURNS, rtol=WAIT_RTOL)
@@ -378,9 +378,9 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
 
 
 def with_doubled(search: OrbitSearch, tries: Iterable[Try]) -> Iterator[Try]:
-    """Yield tries, and behind an unstable orbit whose period has doubled those of twice its turns.
+    """Yield tries; after an unstable orbit whose period has doubled, try twice its turns too.
 
-    A call that asks for a period has none of these.
+    A call that asks for a period has no such tries.
     """
     left: list[Array] = []
     for one in tries:

@@ -1,9 +1,9 @@
 """The map of a turn, from section point to section point, and its slopes, in pure JAX.
 
 The motion may lose contact and impact. Contact sets in without a jump of the force, and loads are
-smooth: tangents pass an impact as they are integrated, and nothing is added to them there
-(a saltation matrix would be the identity). They are taken in slices of a turn, since none of a
-whole turn of impacts has digits left.
+smooth: tangents pass an impact as they are integrated, and nothing is added to them there (a
+saltation matrix would be the identity). Tangents are taken in slices of a turn, since those of a
+whole turn of impacts have no digits left.
 """
 
 from typing import Any
@@ -55,7 +55,7 @@ def along(
     """Return the section point of an orbit and the outputs of all slices, with slopes.
 
     Slopes are by the scene's numbers: x = P(x, p) moves by (I - P_x)^-1 P_p, and outputs with it.
-    `state` has none of its own. Turn by turn: one program serves all periods.
+    `state` has no slopes of its own. Turn by turn, one program serves all periods.
     """
     state = jax.lax.stop_gradient(state)
     return _along(scene, state, period=period, rtol=rtol, outputs=outputs)

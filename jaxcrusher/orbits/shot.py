@@ -92,7 +92,8 @@ def integrated_multipliers(
 ) -> tuple[Complex[Array, " dims"], Scalar]:
     """Return the multipliers of the orbit through a section point, and their error.
 
-    The tangents are integrated beside the motion; NaN, and infinite, where that fails.
+    The tangents are integrated beside the motion. Multipliers are NaN, and their error infinite,
+    where that fails.
     """
     # By the program that closes orbits.
     found = _closed(scene, state, jnp.asarray(period), jnp.array(SKIPPED + MATRICES))
@@ -143,8 +144,8 @@ def _described(
 def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> PeriodicOrbit:
     """Return the orbit of `scene` through a section point near `guess`.
 
-    Its `error` is what a tolerance 100 times as large makes of the RMS, that of its multipliers
-    what it makes of them or of their matrix.
+    Its `error` is the change of the RMS by a tolerance 100 times as large; that of its multipliers
+    is the change of these or of their matrix.
     """
     if not can_be_shot(scene, guess):
         return missing(scene, period, RESULTS.not_closed)

@@ -50,8 +50,8 @@ def orbit_slopes(
     """Return slopes of a statistic by `point` of the orbit of the scene `build(point)`.
 
     With them come their errors, which are the distances from differences over small radii, and
-    differences over the `radii`, which are NaN where there is no orbit.
-    An orbit that was shot for is shot for again beside it, others are solved for by nodes.
+    differences over the `radii`, which are NaN where there is no orbit. Neighbours are found by
+    shooting if the orbit was, otherwise by collocation.
     """
     by_shooting, how = bool(orbit.way == WAYS.shooting), orbit.alike
 

@@ -66,7 +66,7 @@ class Nodes(eqx.Module):
 
     @property
     def multipliers_error(self) -> Scalar:
-        """Return that of the steps and of the nodes."""
+        """Return the error that steps and nodes leave."""
         return self.multipliers.error + self.node_errors.multipliers
 
     @property
@@ -128,10 +128,10 @@ def solved(
 ) -> tuple[Nodes, Factors]:
     """Return the orbit near a guess, and the factors for its slopes.
 
-    Without a guess, or with one of NaN, from the pins at rest, and then by way of a damping. A
-    program of its own, which serves values and slopes; under `jax.vmap` one design after the other,
-    since few take the long way. Where values are known, what few orbits need are further programs,
-    which others do not compile: multipliers by more steps, and the dual.
+    Without a guess, or with one of NaN, it starts from the pins at rest, then by continuation in a
+    damping. One program serves values and slopes; under `jax.vmap` it takes one design after the
+    other, since few need the damping. Where values are known, multipliers by more steps and the
+    dual, which few orbits need, are further programs, which others do not compile.
     """
     if not is_concrete((scene, guess)):
         return _solved(scene, guess, period, nodes, COUNTS)

@@ -1,4 +1,4 @@
-"""A motion that is waited for: guesses of its periodic orbit, and what it does if it has none.
+"""A transient: guesses of its periodic orbit, and the kind of motion if it has no orbit.
 
 A swing of the pin dies in thousands of turns. The mean over some hundred turns removes it, and
 leaves a guess from which Newton's method converges.
@@ -106,7 +106,7 @@ def resting(scene: Scene) -> Scene:
 
 
 def resting_start(scene: Scene) -> SceneAt:
-    """Return the scene with its pins resting in their bores, whatever its own start."""
+    """The section point of the pins at rest in their bores, and the scene that starts there."""
     scene = resting(scene)
     return initial_state(scene), scene
 
@@ -147,8 +147,8 @@ def _turn(case: SceneAt, rtol: Scalar) -> Followed:
 def growth_of(end: Float[np.ndarray, " dims"], beside: Float[np.ndarray, " dims"]) -> float:
     """Return the logarithm of what a disturbance grows by in a turn (Benettin 1980).
 
-    It is that of motions whose `PIECE` turns end so, and which began `APART`. Of those that are as
-    far from each other as they come it is at least 0.3.
+    The two motions began `APART` and end so after `PIECE` turns. For motions as far apart as they
+    can be the result is at least 0.3.
     """
     return float(np.log(np.linalg.norm(beside - end) / APART) / PIECE)
 
@@ -181,10 +181,10 @@ class Round:
     def means(
         self, period: int | None, longest: int
     ) -> Iterator[tuple[int, Float[Array, " dims"]]]:
-        """Yield numbers of turns and the mean of section points so far apart.
+        """Yield numbers of turns, with the mean of section points so far apart.
 
-        Without a `period` that is 1, and the least up to the `longest` about whose means the motion
-        is clearly narrower.
+        Without a `period` the numbers are 1 and the least one, up to the `longest`, about whose
+        means the motion is clearly narrower.
         """
         enough = NARROWER * self._spread(1)
         longer = next((p for p in range(2, longest + 1) if self._spread(p) < enough), 1)
@@ -201,7 +201,7 @@ class Round:
 
 
 class Wait:
-    """The motion of a scene from its pins at rest, waited for as far as it is asked for.
+    """The motion of a scene from its pins at rest, integrated as far as it is asked for.
 
     It is integrated in pieces of whole turns, within an effort.
     """
@@ -240,8 +240,8 @@ class Wait:
     def rounds(self) -> Iterator[Round]:
         """Yield the last half of more and more turns.
 
-        They end where the motion fails or whirls, after the second round where it is chaotic, and
-        with what there is where the effort has no steps for a piece and a look at what grows.
+        They end where the motion fails or whirls, after the second round of a chaotic motion, and
+        with the turns so far where the effort has no steps for a piece and a check of growth.
         """
         seen = np.zeros((0, len(self._state)))
         last = self.spent.bounds.turns // TURNS - 1
@@ -272,7 +272,7 @@ class Wait:
                 return
 
     def statistics(self) -> Statistics | None:
-        """Return those of the last half of the turns that were waited for; None if none were."""
+        """Return the statistics of the last half of the integrated turns; None without turns."""
         if not self._values:
             return None
         scene, first = self._begun[1], len(self._values) // 2
@@ -283,18 +283,18 @@ class Wait:
         return Statistics(turns, fine(), values, by_turn, self._state, known=known)
 
     def told(self) -> str:
-        """Say what was tried, and after turns that were waited for what the motion does."""
+        """Say what was tried and, if turns were integrated, what the motion does."""
         regime = self.regime() if self.spent.turns else None
         return str(self.spent) if regime is None else f"{words(RESULTS, regime)} {self.spent}"
 
     def regime(self) -> RESULTS | None:
-        """Name what the motion does that has no orbit; None if it was not waited for."""
+        """Name the kind of a motion without an orbit; None if it was not integrated."""
         if self._end is not None or self._last is None:
             return self._end
         return self._last.motion()
 
     def growth(self, begun: Array, end: Float[np.ndarray, " dims"]) -> float:
-        """Return by `growth_of` what a disturbance grows by in a piece that begins and ends so."""
+        """Return the growth of a disturbance by `growth_of`, over a piece between two states."""
         beside, _, outcome = self.piece(begun + APART / np.sqrt(begun.size))
         self.spent.integrated(outcome, PIECE)
         return float(growth_of(end, np.asarray(beside)[-1]))

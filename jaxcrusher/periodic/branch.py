@@ -1,9 +1,9 @@
 """Branches of orbits over one parameter, followed round their folds.
 
-Pseudo-arclength continuation (Keller 1977; Doedel's AUTO): the parameter is one unknown more, and
-a step has its length along the branch, so that a fold is a point like any other. Where a branch
-turns back there is more than one motion for one parameter. It takes any discretisation of
-`jaxcrusher.periodic.problem`. Where a branch changes, `jaxcrusher.periodic.events` finds.
+Pseudo-arclength continuation (Keller 1977; Doedel's AUTO): the parameter is one more unknown, and
+the length of a step is measured along the branch, so that a fold is a point like any other. Where a
+branch turns back there is more than one motion for one parameter. Any discretisation of
+`jaxcrusher.periodic.problem` will do. `jaxcrusher.periodic.events` finds where a branch changes.
 """
 
 from dataclasses import dataclass
@@ -97,13 +97,13 @@ def follow(
 
     - `problem`: a discretisation of the orbits.
     - `u`: its unknowns. `start`, `bounds`: in the parameter's unit.
-    - `scale`: what a change of the parameter is to be small against, as u is of order one.
+    - `scale`: of the parameter, against which its changes are small; u is of order one.
     - `upwards`: whether the parameter grows at first.
-    - `off`: the direction of u and the scaled parameter in which a branch leaves `u`, of any
-      length, where another one passes; None: none does. Backwards if not `upwards`.
+    - `off`: where another branch passes, the direction of u and the scaled parameter in which this
+      branch leaves `u`, of any length; None: none passes. Backwards if not `upwards`.
     - `stride`: steps in the norm of the problem; None is the problem's own.
-    - `points`: at most. A branch also ends on one of the bounds, after an orbit of fewer turns,
-      where it is closed and, for a problem that says so, where what it watches is not > 0.
+    - `points`: the most points. A branch also ends on one of the bounds, after an orbit of fewer
+      turns, where it is closed and, for a problem that says so, where what it watches is not > 0.
 
     A branch that wiggles within the error of its equations is followed again, by finer equations
     and from its beginning. If the finest ones wiggle too, it ends there, and `ended` says so.
@@ -198,7 +198,7 @@ def corrected(
     guess: Float[np.ndarray, " n"],
     across: Float[np.ndarray, " n"],
 ) -> Point | None:
-    """Return the point of the branch straight across a direction; None if there is none."""
+    """Return the point of the branch in the plane across a direction; None if there is none."""
     # In NumPy: what shooting does with them between its programs needs no program more.
     unit = np.asarray(scale, float)
     equations = Bordered(problem=problem, guess=guess, across=across, scale=unit, shape=shape)
@@ -225,7 +225,7 @@ def point_of(
     onward: Float[np.ndarray, " n"],
     off: Float[np.ndarray, " n"],
 ) -> Point | None:
-    """Return a point from where it is, the branch's direction there and its shift.
+    """Return a point from its place, the branch's direction there and its shift.
 
     None if its multipliers are not known.
     """
@@ -282,5 +282,5 @@ def _leapt(here: Point, there: Point) -> bool:
 
 
 def inner(problem: AbstractPeriodicProblem, one: np.ndarray, other: np.ndarray) -> float:
-    """Return the product whose norm measures steps."""
+    """Return the inner product whose norm measures steps."""
     return float(problem.weight(one.size - 1) * (one[:-1] @ other[:-1]) + one[-1] * other[-1])

@@ -35,10 +35,10 @@ def collocate(
 ) -> tuple[Float[Array, "nodes dims"], Root]:
     """Return the orbit near `guess`, an even number of nodes, and how the search for it ended.
 
-    `tolerance` bounds the last step, in the unit of x: choose that of order one. Differentiable
-    by the system's numbers in both directions, by the implicit function theorem and never through
-    Newton's steps; the guess has no slope. Where the search failed the orbit is NaN, and the second
-    result's `failure` says why.
+    `tolerance` bounds the last step, in the unit of x: x should be of order one. It is
+    differentiable by the system's numbers, forward and in reverse, by the implicit function theorem
+    and never through Newton's steps; the guess has no slope. Where the search failed the orbit is
+    NaN, and the second result's `failure` says why.
 
     Raises ValueError for a guess of another shape, or with an odd number of nodes.
     """
@@ -65,9 +65,9 @@ class Unfactored(eqx.Module):
 def attached(
     system: System, x: Float[Array, "nodes dims"], factors: Factors | Unfactored
 ) -> Float[Array, "nodes dims"]:
-    """Return the orbit `x`, as the function of the system's numbers that the equations make it.
+    """Return the orbit `x` as an implicit function of the system's numbers.
 
-    `factors` are those of the Jacobian, one step of Newton's before or less.
+    `factors` are those of the Jacobian at most one Newton step before.
     """
     return x
 

@@ -51,7 +51,7 @@ def nothing(x: Float[Array, "nodes dims"]) -> Float[Array, "0"]:
 
 
 class CollocationProblem(AbstractPeriodicProblem):
-    """By Fourier collocation: u are x at equally spaced times of the period.
+    """Fourier collocation: u is x at equally spaced times of the period.
 
     `family(p)` is the system of orbits of `period` turns. `watch` makes the `monitors` of the nodes
     alone, in JAX, one for each name of `watched`.
@@ -83,8 +83,8 @@ class CollocationProblem(AbstractPeriodicProblem):
     def vanishing(self, of: OfMatrix, u: Array, p: Array, seen: Any) -> Vanishing:
         """Return a function of the monodromy matrix, with slopes in reverse.
 
-        At a fold two multipliers may all but meet. Then the steps that suffice elsewhere place it
-        where the multipliers, of more steps, are 1e-4 off 1.
+        At a fold two multipliers may almost coincide. Then the steps that suffice elsewhere would
+        place it where the multipliers by more steps are 1e-4 off 1.
         """
 
         def value(u: Array, p: Array) -> Scalar:
@@ -132,7 +132,7 @@ class CollocationProblem(AbstractPeriodicProblem):
     ) -> tuple["CollocationProblem", np.ndarray] | None:
         """Return twice as many nodes, up to the most that an orbit gets, or half as many.
 
-        Of these a turn has an even number.
+        A turn has an even number of nodes.
         """
         if finer and len(u) >= MOST_NODES * self.period:
             return None
@@ -140,7 +140,7 @@ class CollocationProblem(AbstractPeriodicProblem):
         return self, np.asarray(resample(jnp.asarray(u), count))
 
     def weight(self, size: int) -> float:
-        """Return that of a mean square."""
+        """Return the weight of a mean square."""
         return 1 / size
 
 

@@ -63,7 +63,7 @@ class EventCurve(AbstractPeriodicProblem):
     def linearised(self, u: Any, p: Any) -> Linearised:
         """Return the residual with its derivatives by u and by p.
 
-        It is that of the orbit's equations and, last, what vanishes at the event.
+        The residual is that of the orbit's equations and, last, what vanishes at the event.
         """
         x, both = self.split(u, p)
         at = self.base.linearised(x, both)
@@ -79,7 +79,7 @@ class EventCurve(AbstractPeriodicProblem):
         )
 
     def left_out(self, u: Any, p: Any) -> Array:
-        """Return the defect of the orbit's equations; that of the event's is not known."""
+        """Return the defect of the orbit's equations; the event's defect is not known."""
         return jnp.append(jnp.ravel(self.base.left_out(*self.split(u, p))), 0.0)
 
     def _event(self, x: Any, both: Array, seen: Any) -> Vanishing:
@@ -94,7 +94,7 @@ class EventCurve(AbstractPeriodicProblem):
         return self.base.solved(equations)
 
     def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
-        """Return that of the orbit."""
+        """Return the monodromy matrix of the orbit."""
         return self.base.monodromy(*self.split(u, p), seen)
 
     def vanishing(self, of: OfMatrix, u: Array, p: Any, seen: Any) -> Vanishing:
@@ -112,8 +112,9 @@ class EventCurve(AbstractPeriodicProblem):
     def monitors(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, " n"]:
         """Return what has to be > 0, in the order of `watched`.
 
-        These are the first parameter's way from both of its bounds, the squared sine of the angle
-        of a pair on the unit circle (real ones, mu and 1 / mu, are no event), and least depths.
+        These are the distances of the first parameter from its bounds, the squared sine of the
+        angle of a pair on the unit circle (real ones, mu and 1 / mu, are no event), and least
+        penetrations.
         """
         x, both = self.split(u, p)
         found = [(both[0] - self.bounds[0]) / self.scale, (self.bounds[1] - both[0]) / self.scale]
@@ -132,10 +133,10 @@ class EventCurve(AbstractPeriodicProblem):
         return self.base.over(turns, u[:-1].reshape(self.shape))
 
     def resolved(self, u: np.ndarray, finer: bool) -> None:
-        """Return none: of finer equations each takes a minute to compile."""
+        """Return None: finer equations would each take a minute to compile."""
 
     def weight(self, size: int) -> float:
-        """Return that of the orbit's unknowns."""
+        """Return the weight of the orbit's unknowns."""
         return self.base.weight(size - 1)
 
 
@@ -166,7 +167,7 @@ def curve_of(
 def cusps(branch: Branch) -> list[Special]:
     """Return where a curve of folds has a cusp: both parameters turn back at once.
 
-    There the two branches of a fold meet, beyond it there is none.
+    At the cusp the two branches of a fold meet; beyond it there is no fold.
     """
     problem, found = branch.problem, []
     assert isinstance(problem, EventCurve)

@@ -1,7 +1,7 @@
 """Events on branches of orbits: where a test function of a point changes its sign.
 
-The test functions need no eigenvalues to be told apart (Kuznetsov, Elements of Applied Bifurcation
-Theory, 2004, chapter 10). With M the monodromy matrix and mu its eigenvalues:
+The test functions do not need the eigenvalues one by one (Kuznetsov, Elements of Applied
+Bifurcation Theory, 2004, chapter 10). With M the monodromy matrix and mu its eigenvalues:
 
 | event | what vanishes |
 |---|---|
@@ -11,9 +11,9 @@ Theory, 2004, chapter 10). With M the monodromy matrix and mu its eigenvalues:
 | Neimark-Sacker | the product of 1 - mu_i mu_j over pairs: det(C - I), C the second compound of M |
 | contact lost | the least penetration of a joint |
 
-Where one of them has the same sign at three points, and comes nearest to zero at the middle one, it
-may vanish twice in between. So its extremum is searched for. At a branch point the equations of the
-orbit are singular: `jaxcrusher.periodic.branch_point` has others, which locate it.
+Where a test function has the same sign at three points, and comes nearest to zero at the middle
+one, it may vanish twice in between. So its extremum is searched for. At a branch point the
+equations of the orbit are singular: `jaxcrusher.periodic.branch_point` has others, which locate it.
 
 Where an event lies depends on how well the orbits there are resolved. Therefore it is located again
 with more nodes, which also tells its error.
@@ -67,10 +67,10 @@ Test = Callable[[Point], float]
 
 @dataclass(frozen=True)
 class Special:
-    """Where a branch changes; no point where a change is seen but not located.
+    """Where a branch changes; without a point if the change is seen but not located.
 
-    `kind` is `FOLD`, `CROSSING`, `DOUBLING`, `PAIR` or what the problem watches. Behind
-    "unresolved" it is what finer equations or the multipliers do not confirm.
+    `kind` is `FOLD`, `CROSSING`, `DOUBLING`, `PAIR` or what the problem watches. A kind after
+    "unresolved" is not confirmed by finer equations or by the multipliers.
     """
 
     kind: str
@@ -156,7 +156,7 @@ ZERO_OF: dict[str, OfMatrix] = {
 
 
 def leaves_circle(values: Complex[np.ndarray, " n"]) -> bool:
-    """Whether a pair lies on the unit circle, off the real axis: two real ones may be 1 / each."""
+    """Whether a complex pair lies on the unit circle; a real pair mu and 1 / mu does not count."""
     off_axis = values[np.abs(np.imag(values)) > ON_CIRCLE]
     return bool(np.any(np.abs(np.abs(off_axis) - 1) < ON_CIRCLE))
 
@@ -166,8 +166,8 @@ def zeros(
 ) -> Iterator[tuple[float, Point | None]]:
     """Yield places along a branch, counted in points, where a test function vanishes.
 
-    With each comes its point, None where that is not located. Steps `without` zeros that matter are
-    left out. A point is a zero if its `size` is noise; None is the test function's own.
+    With each place comes its point, None where it is not located. Steps in `without` are left out.
+    A point is a zero if its `size` is noise; None is the size of the test function.
     """
     points, values = branch.points, np.array([test(point) for point in branch.points])
     found: dict[int, list[tuple[float, Point | None]]] = {}
@@ -277,8 +277,8 @@ def _past(piece: _Piece, test: Test) -> float | None:
 def sharp_points(branch: Branch) -> list[Special]:
     """Return the events along a branch by finer equations.
 
-    A branch point that these move to a fold is none: of few nodes the multipliers tell of a fold
-    some way off it. Events of one kind that they move to the same orbit are one event.
+    A branch point that moves to a fold is left out: with few nodes the multipliers show a fold some
+    way off it. Events of one kind that move to the same orbit are one event.
     """
     found: list[Special] = []
     steep = lambda point: point is None or abs(point.along[-1]) >= STEEP  # noqa: E731
@@ -302,7 +302,7 @@ def _is_same(branch: Branch, one: Special, other: Special) -> bool:
 def sharpened(branch: Branch, special: Special) -> Special:
     """Return an event located by finer equations, as long as that moves it, with its error.
 
-    The error is the last move, or where there are no finer equations what coarser ones make of it.
+    The error is the last move or, without finer equations, the move by coarser ones.
     """
     problem, point = branch.problem, special.point
     if point is None:
@@ -376,9 +376,8 @@ def other_branch(
 ) -> tuple[AbstractPeriodicProblem, np.ndarray, np.ndarray]:
     """Return what `follow` needs for the branch that leaves another one at a special point.
 
-    That is its problem, the unknowns there, and the direction in which it leaves. At a period
-    doubling it is of twice the turns, and the equations of such orbits are singular in its
-    direction.
+    These are its problem, the unknowns there, and the direction in which it leaves. At a period
+    doubling the branch has twice the turns, and its equations are singular in this direction.
     """
     point = special.point
     turns = point.turns * (2 if special.kind == DOUBLING else 1)

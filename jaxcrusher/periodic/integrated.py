@@ -40,7 +40,7 @@ class IntegratedSystem(AbstractFlow):
     def slices(
         self, p: Float[Array, " n"], states: Float[Array, "slices twodims"], rtol: Scalar
     ) -> tuple[Array, Array, Array]:
-        """Return where each slice of a turn leads from its own state, by that and by p."""
+        """Return where each slice of a turn leads from its state, with slopes by state and p."""
         count, dims = states.shape
 
         def one(begin: tuple[Scalar, Array]) -> tuple[Array, Array]:

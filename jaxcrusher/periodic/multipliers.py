@@ -1,9 +1,9 @@
-"""Floquet multipliers: what a small disturbance of an orbit is multiplied by in one period.
+"""Floquet multipliers: the factors by which small disturbances of an orbit grow in one period.
 
 They are the eigenvalues of the monodromy matrix, which the variational equations along the orbit
-give. These are linear: Magnus' expansion of sixth order by Gauss points (Blanes, Casas, Ros, BIT
-40, 2000) takes steps that a swing much faster than the drive does not shorten as it does those of
-a quadrature, and two numbers of steps tell the error.
+give. These are linear and solved by Magnus' expansion of sixth order with Gauss points (Blanes,
+Casas, Ros, BIT 40, 2000). A swing much faster than the drive does not shorten its steps as it does
+those of a quadrature. Two numbers of steps tell the error.
 """
 
 import math
@@ -33,7 +33,7 @@ GAUSS = math.sqrt(0.15)
 
 
 class Multipliers(Printed):
-    """Multipliers of an orbit over its period, and the matrix that they are of."""
+    """Multipliers of an orbit over its period, and their monodromy matrix."""
 
     values: Complex[Array, " twodims"]
     monodromy: Float[Array, "twodims twodims"]  # d(x, x') at the end / at the beginning
@@ -50,7 +50,7 @@ class Multipliers(Printed):
 
 @eqx.filter_jit
 def multipliers(system: System, x: Float[Array, "nodes dims"], steps: int = STEPS) -> Multipliers:
-    """Return those of the orbit through the nodes `x`, with `steps` (a power of two) a period.
+    """Return the multipliers of the orbit through `x`, with `steps` (a power of two) a period.
 
     Pure JAX, without slopes; NaN where the orbit is.
     """
@@ -73,7 +73,7 @@ def _looked(system: System, x: Float[Array, "nodes dims"]) -> tuple[Array, ...]:
 def of_slopes(
     slopes: tuple[Float[Array, "n dims dims"], ...], period: Scalar, steps: int = STEPS
 ) -> Multipliers:
-    """Return them from df/dx and df/dx' at equally spaced instants of the period."""
+    """Return the multipliers from df/dx and df/dx' at equally spaced instants of the period."""
     coarse, fine = (once_round(slopes, period, count) for count in (steps // 2, steps))
     return of_matrices(coarse, fine, jnp.zeros(len(fine)))
 
@@ -81,7 +81,7 @@ def of_slopes(
 def of_matrices(
     coarse: Float[Array, "n n"], fine: Float[Array, "n n"], closure: Float[Array, " n"]
 ) -> Multipliers:
-    """Return those of the monodromy matrix `fine`; `coarse` is that of half as many steps."""
+    """Return the multipliers of the monodromy matrix `fine`; `coarse` has half as many steps."""
     # Twice the steps leave a 64th of the error.
     left = (fine - coarse) / 63
     values = eigenvalues(fine, jnp.all(jnp.isfinite(left)))
@@ -89,14 +89,14 @@ def of_matrices(
 
 
 def eigenvalues(matrix: Float[Array, "n n"], good: Bool[ArrayLike, ""]) -> Complex[Array, " n"]:
-    """Return those of a matrix; NaN unless it is `good`, for LAPACK takes finite numbers only."""
+    """Return the eigenvalues; NaN unless the matrix is `good`, for LAPACK needs finite numbers."""
     return jnp.where(good, jnp.linalg.eigvals(jnp.where(good, matrix, 0.0)), jnp.nan)
 
 
 def difference(coarse: Float[Array, "n n"], fine: Float[Array, "n n"]) -> Scalar:
     """Return by what two monodromy matrices differ, as a share of the largest entry of `fine`.
 
-    Where that is below 1 the difference itself is returned. Where a contact leaves 1e-60 of a
+    Where this entry is below 1 the difference itself is returned. Where a contact leaves 1e-60 of a
     disturbance, for example, no digit is known, and none is needed.
     """
     return jnp.max(jnp.abs(fine - coarse)) / jnp.maximum(jnp.max(jnp.abs(fine)), 1.0)
@@ -105,9 +105,9 @@ def difference(coarse: Float[Array, "n n"], fine: Float[Array, "n n"]) -> Scalar
 def matrix_error(matrix: Float[Array, "n n"], left: Float[Array, "n n"]) -> Scalar:
     """Return the error of a monodromy matrix that may be off by `left`; infinite: unknown.
 
-    It is that of the matrix, as `difference` measures it, or of its multipliers, as `spread` does,
-    whichever is larger. An estimate knows the size of an error better than its sign: of multipliers
-    that all but meet, one sign may part the moduli where the other one does not.
+    It is the error of the matrix, by `difference`, or of its multipliers, by `spread`, whichever is
+    larger. The size of an error is known better than its sign: where two multipliers almost
+    coincide, one sign may part their moduli where the other one does not.
     """
     good = jnp.all(jnp.isfinite(left))
     values, above, below = (eigenvalues(m, good) for m in (matrix, matrix + left, matrix - left))
@@ -120,9 +120,9 @@ def matrix_error(matrix: Float[Array, "n n"], left: Float[Array, "n n"]) -> Scal
 def spread(one: Complex[Array, " n"], other: Complex[Array, " n"]) -> Scalar:
     """Return by how much the moduli of two sets of multipliers differ at most.
 
-    Of those larger than 1 that is a share of them. Stability asks for moduli alone. Two values that
-    all but meet move by the root of what the matrix does, but the modulus of a complex pair is the
-    root of its product, which moves as the matrix does.
+    For moduli larger than 1 it is relative. Stability depends on moduli alone. Two values that
+    almost coincide move by the root of the matrix's change, but the modulus of a complex pair is
+    the root of its product, which moves as the matrix does.
     """
     sizes, others = jnp.sort(jnp.abs(one)), jnp.sort(jnp.abs(other))
     return jnp.max(jnp.abs(sizes - others) / jnp.maximum(sizes, 1.0))
@@ -156,10 +156,10 @@ def fundamental(
     steps: int = STEPS,
     pushes: Float[Array, "n dims pushes"] | None = None,
 ) -> tuple[Float[Array, "steps twodims columns"], Float[Array, "twodims columns"]]:
-    """Return d(x, x') / d(x, x') at the beginning, at the start of each step and at the end.
+    """Return the derivatives of (x, x') by their initial values, at each step's start and the end.
 
-    It is of df/dx and df/dx', as `of_slopes`. Further columns are the motions from zero that
-    accelerations `pushes` at equally spaced instants drive. Their sum has the error of the
+    They follow from df/dx and df/dx', as in `of_slopes`. Further columns are the motions from zero
+    that accelerations `pushes` at equally spaced instants drive. Their sum has the error of the
     rectangle rule, which vanishes fast for what is periodic.
     """
     step, looks, scale = _driven(slopes, period, steps, pushes)

@@ -2,11 +2,11 @@
 
 The damping is Deuflhard's error-oriented one (Newton Methods for Nonlinear Problems, 2004,
 algorithm NLEQ-ERR): a step is accepted if the next step, seen with the same Jacobian, is shorter.
-It does not depend on how the equations are scaled, as a test of the residual would; with
-residuals of a stiff contact that test accepts only tiny steps.
+Unlike a test of the residual, it does not depend on the scaling of the equations; with residuals of
+a stiff contact that test accepts only tiny steps.
 
 One iteration is `advanced`. The method `newton` repeats it in one program of JAX; equations whose
-evaluation calls several programs are looked at between two calls of it.
+evaluation calls several programs are evaluated between two calls of `advanced`.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ TINY = 1e-300
 
 
 class RESULTS(eqx.Enumeration):  # pyright: ignore
-    """The search ended so."""
+    """How the search ended."""
 
     successful = ""
     not_finite = "The equations are not finite at the guess."
@@ -82,10 +82,10 @@ def advanced(
 ) -> Root:
     """Return the next iterate from the residual and the Jacobian at the point of this one.
 
-    Converged when the next step is at most `tolerance` in every entry, or the residual at most
-    `noise`; that step is then taken. After a whole step the last Jacobian tells the next one, and
-    this one is not factorised. The method fails where less than the share `least` of a step would
-    have to be taken.
+    It converges when the next step is at most `tolerance` in every entry, or the residual at most
+    `noise`; that step is then taken. After a whole step the last Jacobian tells the next step, and
+    the new Jacobian is not factorised. The method fails where less than the share `least` of a step
+    would have to be taken.
     """
     begins = now.steps == 0
     following, length = lu_solve(now.factors, -left), _size(now.step)

@@ -43,7 +43,7 @@ class Vanishing(NamedTuple):
 
 
 class Zero(NamedTuple):
-    """A zero of equations, their Jacobian one step before, and what else they told there."""
+    """A zero of equations, their Jacobian one step before, and further results there."""
 
     unknowns: np.ndarray
     jacobian: np.ndarray
@@ -90,11 +90,11 @@ class AbstractPeriodicProblem(eqx.Module):
 
     @abstractmethod
     def solved(self, equations: "AbstractEquations") -> Zero | None:
-        """Return the zero near the guess and what was told there; None if there is none."""
+        """Return the zero near the guess and further results there; None if there is none."""
 
     @abstractmethod
     def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
-        """Return what a period makes of disturbances; `seen` is what its equations told."""
+        """Return the monodromy matrix; `seen` holds further results of the equations."""
 
     @abstractmethod
     def vanishing(self, of: OfMatrix, u: Array, p: Any, seen: Any) -> Vanishing:
@@ -110,7 +110,7 @@ class AbstractPeriodicProblem(eqx.Module):
 
     @abstractmethod
     def monitors(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, " watched"]:
-        """Return the numbers that are > 0 as long as what is `watched` does not happen."""
+        """Return the numbers that are > 0 as long as no `watched` event happens."""
 
     @abstractmethod
     def over(self, turns: int, u: np.ndarray) -> tuple["AbstractPeriodicProblem", np.ndarray]:
@@ -125,7 +125,7 @@ class AbstractPeriodicProblem(eqx.Module):
     ) -> tuple["AbstractPeriodicProblem", np.ndarray] | None:
         """Return finer or coarser equations for the same orbits, and the unknowns of one.
 
-        None where there are no finer ones. A change of unknowns becomes one of theirs.
+        None where there are no finer ones. `u` may also be a change of unknowns.
         """
 
     @abstractmethod

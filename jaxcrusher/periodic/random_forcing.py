@@ -1,8 +1,8 @@
 """A periodic orbit under a small random force: covariances by Floquet's modes.
 
 x'' = f(t, x, x') + b(t) w(t), b of the orbit's period T. With the phase 2 pi t / T small motions
-(x, x') are sums of modes v_j a_j with v_j periodic and a_j' = e_j a_j + g_j w. To w = exp(i nu)
-times the phase each harmonic k of g_j answers by g_jk / (i (nu + k) - e_j); their sum is the
+(x, x') are sums of modes v_j a_j with v_j periodic and a_j' = e_j a_j + g_j w. To w =
+exp(i nu phase) each harmonic k of g_j responds by g_jk / (i (nu + k) - e_j); their sum is the
 harmonic transfer function (Wereley, Analysis and Control of Linear Periodically Time Varying
 Systems, MIT 1991). The random w has unit variance and a flat spectrum from 0 to a bandwidth B.
 """
@@ -55,8 +55,8 @@ class Modes(eqx.Module):
     def covariance(self, bandwidth: Scalar) -> Float[Array, "steps states states"]:
         """Return the covariance of (x, x', w) for a `bandwidth` in 1 / T.
 
-        The mean of a_j w is an integral over the band, of g_jk / (i (nu + k) - e_j), and that of
-        a_j conj(a_l) follows from its own equation, which these force.
+        The mean of a_j w is an integral of g_jk / (i (nu + k) - e_j) over the band. The mean of
+        a_j conj(a_l) follows from its own equation, which the former means force.
         """
         poles = 1j * self.orders[:, None] - self.exponents[None]
         edge = jax.lax.complex(0.0, bandwidth)
@@ -107,7 +107,7 @@ def modes(
 class Band(eqx.Module):
     """Frequencies that represent a band, in 1 / T: any share between 0 and 1 / 2, plus whole ones.
 
-    The negative ones that are missing are conjugates of these.
+    The missing negative ones are conjugates of these.
     """
 
     shares: Float[Array, " n"]
@@ -118,10 +118,11 @@ class Band(eqx.Module):
 def band(bandwidth: Scalar, widest: float, multipliers: Complex[Array, " states"]) -> Band:
     """Return the band up to `bandwidth`, in 1 / T, of an orbit with these multipliers.
 
-    `widest` is a number that the bandwidth does not exceed. On either side of a resonance, which
-    a multiplier exp(2 pi (i f - g)) makes at the share f with the width g, the shares are
-    f + g sinh u with Gauss' points u, and so the integrand is smooth. For slopes of what they sum,
-    the multipliers must have theirs: points that stayed where a sharp resonance moves tell nothing.
+    `widest` is a number that the bandwidth does not exceed. On either side of a resonance, which a
+    multiplier exp(2 pi (i f - g)) makes at the share f with the width g, the shares are
+    f + g sinh u with Gauss' points u, and so the integrand is smooth. For slopes of sums over the
+    band the multipliers need slopes too: points that do not move with a sharp resonance tell
+    nothing.
     """
     harmonics = np.arange(-math.ceil(widest + 0.5), math.ceil(widest) + 1.0)
     # Multipliers come in conjugate pairs, and so do their sorted angles; the sharper one of a pair
@@ -156,7 +157,7 @@ def band(bandwidth: Scalar, widest: float, multipliers: Complex[Array, " states"
 
 
 def mean_variance(of: Modes, over: Band, weighted: Float[Array, "steps states"]) -> Scalar:
-    """Return the variance of a mean over one period: of (x, x', w) times what `weighted` holds."""
+    """Return the variance of the mean over one period of (x, x', w) times `weighted`."""
 
     def at(one: tuple[Array, Array]) -> Array:
         share, weights = one

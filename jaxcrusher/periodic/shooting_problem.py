@@ -44,7 +44,7 @@ COARSER = 100.0
 class AbstractFlow(eqx.Module):
     """Motions over one turn of the forcing, over parameters p of shape (n,).
 
-    A state may be any that an orbit comes back to. It is of order one.
+    A state is any array to which an orbit comes back. It is of order one.
     """
 
     @abstractmethod
@@ -55,7 +55,7 @@ class AbstractFlow(eqx.Module):
         Float[Array, "slices dims dims"],
         Float[Array, "slices dims n"],
     ]:
-        """Return where each slice of a turn leads from its own state, by that and by p.
+        """Return where each slice of a turn leads from its state, with slopes by state and p.
 
         Slices are of one length; the first one begins with the turn. NaN where a motion fails.
         """
@@ -64,26 +64,26 @@ class AbstractFlow(eqx.Module):
     def monitors(
         self, p: Float[Array, " n"], state: Float[np.ndarray, " dims"], turns: int
     ) -> Float[np.ndarray, " watched"]:
-        """Return what stays > 0 over so many turns from a state, if nothing watched happens."""
+        """Return what is > 0 over so many turns from a state, if no watched event happens."""
 
 
 class Turns(NamedTuple):
-    """The map over a period: where each of its slices ends, and what it makes of a shift."""
+    """The map over a period: where its turns end, and the Jacobians of its slices."""
 
     ends: Float[np.ndarray, "turns dims"]  # of turns
     jacobians: Float[np.ndarray, "slices dims dims"]  # of slices
 
     @property
     def matrix(self) -> Float[np.ndarray, "dims dims"]:
-        """Return what the period makes of a shift of the section point."""
+        """Return the monodromy matrix, which maps a shift of the section point."""
         return _products(self.jacobians)[-1]
 
 
 class ShootingProblem(AbstractPeriodicProblem):
-    """By the integrator, from many states of the period: u are those where its slices begin.
+    """Multiple shooting by the integrator: u holds the states where slices of the period begin.
 
     A disturbance may grow a thousandfold in a period; in a slice it does not, so that Newton's
-    method leads from further off.
+    method converges from further off.
     """
 
     flow: AbstractFlow
@@ -118,7 +118,7 @@ class ShootingProblem(AbstractPeriodicProblem):
     def linearised(self, u: Float[ArrayLike, " n"], p: Any) -> Linearised:
         """Return the residual with its derivatives by u and by p, and the turns.
 
-        It is how far each slice leads from where the next one begins.
+        The residual is how far each slice ends from where the next one begins.
         """
         states = self.states(u)
         count, dims = states.shape
@@ -155,7 +155,7 @@ class ShootingProblem(AbstractPeriodicProblem):
         return None
 
     def monodromy(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, "dims dims"]:
-        """Return what a period makes of a shift from the orbit."""
+        """Return the monodromy matrix."""
         return seen.matrix
 
     def vanishing(self, of: OfMatrix, u: Any, p: Any, seen: Turns) -> Vanishing:
@@ -205,7 +205,7 @@ class ShootingProblem(AbstractPeriodicProblem):
         return 1 + int(np.argmax(apart < ALIKE))
 
     def monitors(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, " watched"]:
-        """Return what the flow tells of the motion from the first state on."""
+        """Return the flow's monitors of the motion from the first state on."""
         return self.flow.monitors(jnp.asarray(p).reshape(-1), self.states(u)[0], self.period)
 
     def over(self, turns: int, u: np.ndarray) -> tuple["ShootingProblem", np.ndarray]:
@@ -217,7 +217,7 @@ class ShootingProblem(AbstractPeriodicProblem):
         return None if finer else (dataclasses.replace(self, rtol=COARSER * self.rtol), u)
 
     def weight(self, size: int) -> float:
-        """Return that of a mean over slices."""
+        """Return the weight of a mean over slices."""
         return 1 / (self.period * self.slices)
 
 

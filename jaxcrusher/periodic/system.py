@@ -79,7 +79,7 @@ class System(Printed):
         return self.period * (np.arange(points) + shift) / points, resample(x, points, shift), rate
 
     def matrices(self, count: int) -> tuple[Array, Array]:
-        """Return those from values at the nodes to the first two derivatives by t there."""
+        """Return the matrices from values at the nodes to the first two derivatives by t there."""
         pace = 2 * np.pi / self.period
         first, second = differentiation(count)
         return pace * first, pace**2 * second

@@ -1,7 +1,7 @@
 """Trigonometric polynomials through values at equally spaced points of one period.
 
-Real, of degree N / 2 for an even number N of points, the highest harmonic a cosine: what the
-values at the points determine (Trefethen, Spectral Methods in MATLAB, 2000, chapter 3). Places
+They are real, of degree N / 2 for an even number N of points. The highest harmonic is a cosine, as
+the values at the points determine (Trefethen, Spectral Methods in MATLAB, 2000, chapter 3). Places
 are counted in periods, derivatives are by the phase, which is 2 pi a period.
 """
 
@@ -20,7 +20,7 @@ def nodes(count: int) -> Float[np.ndarray, " count"]:
 def differentiation(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the matrices from values at the nodes to the first two derivatives there (chapter 3).
 
-    Raises ValueError for an odd number of nodes, of which they are others.
+    Raises ValueError for an odd number of nodes, for which the matrices differ.
     """
     require(count > 0 and count % 2 == 0, "nodes", "be an even number > 0", count)
     place = np.arange(count, dtype=float)
