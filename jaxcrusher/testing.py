@@ -1,4 +1,4 @@
-"""Checks of a law of one's own, to be run in one's own tests.
+"""Checks of your own law, to be run in your own tests.
 
 ```python
 from jaxcrusher.testing import check_law

@@ -1,1 +1,1 @@
-"""The ground floor: checks, plane vectors, smoothed corners, small linear systems."""
+"""The lowest layer: checks, plane vectors, smoothed corners, small linear systems."""

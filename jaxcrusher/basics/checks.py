@@ -28,7 +28,7 @@ def concrete(value) -> np.ndarray | None:
 def primal(value) -> np.ndarray | None:
     """The value as a NumPy array, without its derivatives; None under `jax.jit` or `jax.vmap`.
 
-    `jax.grad` and its kin alone leave it known.
+    It stays known where only `jax.grad` or another derivative traces it.
     """
     return concrete(jax.lax.stop_gradient(value) if concrete(value) is None else value)
 
@@ -39,15 +39,15 @@ def is_concrete(tree: PyTree) -> bool:
 
 
 def without_slopes(tree: PyTree) -> PyTree:
-    """Return a tree whose numbers have no slopes; a concrete one is what it is, in no time."""
+    """Return a tree without derivatives; a concrete tree is returned as it is, at no cost."""
     return tree if is_concrete(tree) else jax.lax.stop_gradient(tree)
 
 
 def nan_unless(good: Bool[ArrayLike, "..."], tree: PyTree) -> PyTree:
     """Return a tree of floats that are NaN, with all their slopes, where `good` does not hold.
 
-    `good` has the leading axes of every leaf. It is a factor: `jnp.where` passes nothing back to
-    what it does not choose, so that in reverse mode the slopes of a failure would be zero.
+    `good` has the leading axes of every leaf. The NaN is a factor: `jnp.where` passes no derivative
+    back to the branch not taken, so that in reverse mode a failure would have slopes of zero.
     """
     factor = jnp.where(good, 1.0, jnp.nan)
     axes = jnp.ndim(factor)
@@ -110,7 +110,7 @@ def require_x64() -> None:
 
 
 def require_double(name: str, tree: PyTree) -> None:
-    """Every float of a PyTree, traced or not, with 64 bits."""
+    """Check that every float of a PyTree, traced or not, has 64 bits."""
     for leaf in jax.tree.leaves(tree):
         kind = getattr(leaf, "dtype", np.dtype(float))
         good = not np.issubdtype(kind, np.floating) or kind == np.float64
@@ -118,19 +118,19 @@ def require_double(name: str, tree: PyTree) -> None:
 
 
 def require_untraced(name: str, tree: PyTree, function: str, instead: str) -> None:
-    """Numbers that are known: what steers a search or a loop of Python's cannot be traced."""
+    """Check that no number is traced: a number that steers a search or a Python loop cannot be."""
     must = f"hold known numbers (jax.grad, jit and vmap go through {instead}, not {function})"
     require(is_concrete(tree), name, must, "traced")
 
 
 def require_positive(name: str, value: ArrayLike, unit: str) -> None:
-    """Every entry a number, finite and > 0."""
+    """Check that every entry is a finite number > 0."""
     must = f"be finite and > 0 {unit}".rstrip()
     _require_each(name, value, lambda known: np.isfinite(known) & (known > 0), must)
 
 
 def require_within(name: str, value: ArrayLike, low: float, high: float, unit: str = "") -> None:
-    """Every entry a number in [low, high]."""
+    """Check that every entry is a number in [low, high]."""
     must = f"lie in [{low:g}, {high:g}] {unit}".rstrip()
     _require_each(name, value, lambda known: (known >= low) & (known <= high), must)
 
@@ -151,14 +151,14 @@ def _require_each(
 
 
 def require_whole(name: str, value: object, least: int) -> None:
-    """A whole number, at least `least`; JAX would trace one of NumPy."""
+    """Check for a Python int of at least `least`; JAX would trace a NumPy integer."""
     good = isinstance(value, int) and not isinstance(value, bool) and value >= least
     given = f"{value} of NumPy, without int()" if isinstance(value, np.integer) else value
     require(good, name, f"be a whole number >= {least}", given)
 
 
 def require_kind(name: str, value: object, kind: type, example: str) -> None:
-    """An instance of `kind`, such as `example`; neither its class nor something else."""
+    """Check for an instance of `kind`, such as `example`; neither its class nor something else."""
     if isinstance(value, kind):
         return
     given = f"a {type(value).__name__}"
@@ -170,7 +170,7 @@ def require_kind(name: str, value: object, kind: type, example: str) -> None:
 
 
 def require_names(name: str, value: object, choices: tuple) -> None:
-    """Several of the named choices, not one string."""
+    """Check for several of the named choices, not one string."""
     if isinstance(value, str):
         raise ValueError(
             f"Argument `{name}` must be names in a tuple, such as ({value!r},), but is the string "
@@ -183,7 +183,7 @@ def require_names(name: str, value: object, choices: tuple) -> None:
 
 
 def require_choice(name: str, value: object, choices: tuple) -> None:
-    """One of the named choices; of many, those alone that come near."""
+    """Check for a named choice; of many, the error lists only those that are similar."""
     known = any(value is choice or (value == choice) is True for choice in choices)
     if not known:
         listed = ", ".join(repr(choice) for choice in choices)
@@ -194,7 +194,7 @@ def require_choice(name: str, value: object, choices: tuple) -> None:
 
 
 def require_known(name: object, names: Iterable[str]) -> None:
-    """The name of an argument that goes by names of the package's own; of many, the first few."""
+    """Check for a name of the package's own; the error lists similar names, or the first few."""
     names = tuple(names)
     if name not in names:
         more = f" and {len(names) - SEVERAL} more" if len(names) > SEVERAL else ""

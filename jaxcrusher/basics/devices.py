@@ -64,7 +64,7 @@ def processor() -> Any:
 def finds_card() -> bool:
     """Tell whether CuPy is installed and finds a GPU of NVIDIA's.
 
-    `CUDA_VISIBLE_DEVICES` set to nothing hides all of them.
+    An empty `CUDA_VISIBLE_DEVICES` hides all GPUs.
     """
     if importlib.util.find_spec("cupy") is None:
         return False

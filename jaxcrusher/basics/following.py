@@ -1,7 +1,7 @@
 """Quantities that are followed from step to step of an integration, such as a peak.
 
-A hard impact lasts less than any grid of instants that a turn can afford, but always several steps
-of the integrator. What is followed has no part in the motion, nor in the control of its error.
+A hard impact is shorter than the spacing of any affordable grid of instants, but it always lasts
+several steps of the integrator. The followed quantities affect neither the motion nor its error.
 """
 
 import dataclasses
@@ -44,13 +44,13 @@ class Followed(eqx.Module):
 
 
 def begun(following: Following, time: Scalar, state: Any, args: PyTree) -> Followed:
-    """Return a motion that is followed from a state on."""
+    """Return the first `Followed` of a motion that starts at a state."""
     now = Instant(time, following.watch(time, state, args))
     return Followed(state, jax.tree.map(jnp.asarray, following.begin(args)), now, now)
 
 
 def rates(time: Any, y: Any, args: PyTree, field: Callable[[Any, Any, PyTree], Any]) -> Any:
-    """Return the rates of a motion, also of one that is followed: diffrax asks for their shapes."""
+    """Return the rates of a state, or those of a `Followed`, whose shapes diffrax needs."""
     if not isinstance(y, Followed):
         return field(time, y, args)
     still = jax.tree.map(jnp.zeros_like, y)
@@ -58,14 +58,14 @@ def rates(time: Any, y: Any, args: PyTree, field: Callable[[Any, Any, PyTree], A
 
 
 def state_alone(time: Scalar, y: Any, args: PyTree) -> Any:
-    """Return the state of a motion, also of one that is followed: what diffrax is to save."""
+    """Return the state alone, also of a `Followed`: diffrax is to save nothing else."""
     return y.state if isinstance(y, Followed) else y
 
 
 class FollowingSolver(diffrax.AbstractWrappedSolver):
-    """Takes the steps of a solver, and follows what is seen at their ends; a state is `Followed`.
+    """Takes the steps of a solver, and follows the values at their ends; its state is `Followed`.
 
-    Between the ends of a step there is the solver's own state alone.
+    Inside a step only the wrapped solver's own state is interpolated.
     """
 
     solver: diffrax.AbstractSolver
@@ -73,34 +73,34 @@ class FollowingSolver(diffrax.AbstractWrappedSolver):
 
     @property
     def term_structure(self):
-        """Return that of the solver."""
+        """Return the term structure of the solver."""
         return self.solver.term_structure
 
     @property
     def interpolation_cls(self):  # pyright: ignore
-        """Return that of the solver."""
+        """Return the interpolation class of the solver."""
         return self.solver.interpolation_cls
 
     @property
     def term_compatible_contr_kwargs(self):
-        """Return those of the solver."""
+        """Return these arguments of the solver."""
         return self.solver.term_compatible_contr_kwargs
 
     @property
     def scan_kind(self):
-        """Return that of the solver, which `diffrax.ForwardMode` replaces."""
+        """Return the loop kind of the solver, which `diffrax.ForwardMode` replaces."""
         return self.solver.scan_kind  # pyright: ignore
 
     def order(self, terms):
-        """Return that of the solver."""
+        """Return the order of the solver."""
         return self.solver.order(terms)
 
     def strong_order(self, terms):
-        """Return that of the solver."""
+        """Return the strong order of the solver."""
         return self.solver.strong_order(terms)
 
     def error_order(self, terms):
-        """Return that of the solver."""
+        """Return the error order of the solver."""
         return self.solver.error_order(terms)
 
     def init(self, terms, t0, t1, y0, args):
@@ -112,7 +112,7 @@ class FollowingSolver(diffrax.AbstractWrappedSolver):
         return self.solver.func(terms, t0, y0.state, args)
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
-        """Take a step, and account for it."""
+        """Take a step, and update the followed numbers."""
         state, error, dense, solver_state, result = self.solver.step(
             terms, t0, t1, y0.state, args, solver_state, made_jump
         )

@@ -62,11 +62,11 @@ class Sensitive(eqx.Module):
 
 
 class InitialValueProblem(eqx.Module):
-    """The functions of an integration; `args` is what they depend on.
+    """The functions of an integration, which depend on `args`.
 
-    The independent variable is the caller's. `observe` is evaluated at every saved time, and
-    `summarise` reduces the stacked observations of one segment with what is carried at its end, and
-    with what a `following` has kept there, which begins anew in every segment.
+    The independent variable is the caller's. `observe` is evaluated at every saved time.
+    `summarise` takes the stacked observations of a segment, the `Carried` at its end, and the
+    numbers that `following` has kept there. Each segment begins these numbers anew.
     """
 
     # Diffrax and derivatives call these about ten times; jitted they are traced once.
@@ -79,10 +79,10 @@ class InitialValueProblem(eqx.Module):
 
 
 class Integration(eqx.Module):
-    """Solver, step-size controller and bounds, handed to `diffrax.diffeqsolve` as they are.
+    """Solver, step-size controller and bounds, passed to `diffrax.diffeqsolve` as they are.
 
     `adjoint` None means forward sensitivities; a diffrax adjoint replaces them. The first
-    step is always given: diffrax's own choice of it is NaN where the motion is, and then
+    step is always given: where the motion is NaN, diffrax's own choice is NaN too, and it
     runs on to `max_steps` instead of failing.
     """
 
@@ -94,7 +94,7 @@ class Integration(eqx.Module):
 
 
 class RESULTS(diffrax.RESULTS):  # pyright: ignore
-    """The results of diffrax, and one that it does not look for."""
+    """The results of diffrax, and one for a failure that diffrax does not check."""
 
     not_finite = "The motion is not finite."
 
@@ -111,7 +111,7 @@ class Outcome(Printed):
 
     @property
     def success(self) -> Bool[Array, "*batch"]:
-        """Came to its end."""
+        """Whether the integration came to its end."""
         return self.result == RESULTS.successful
 
 
@@ -133,8 +133,8 @@ def failure_text(outcome: Outcome, unit: str) -> str:
 def error_norm(error: PyTree) -> Scalar:
     """The root mean square over the motion; totals do not count unless there is no motion.
 
-    With sensitivities the largest over the state and each of its tangents, so that asking
-    for derivatives never loosens the control of the motion itself.
+    With sensitivities it is the largest over the state and each of its tangents, so that
+    derivatives never loosen the control of the motion itself.
     """
     error = error.state if isinstance(error, Followed) else error
     largest = _largest(error, 0)

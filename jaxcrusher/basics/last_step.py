@@ -1,12 +1,12 @@
-"""Two things that diffrax does while it is traced, done otherwise.
+"""Replacements of two operations of diffrax, while it is traced.
 
-It counts a hundred floats back from the end of an integration, to tell that a step ends close
-enough to be the last, one after the other and in some 2000 operations: a quarter of what XLA
-compiled of a motion. Here the hundredth is found at once; results keep their bits.
+To tell that a step is the last, diffrax counts a hundred floats back from the end, one after the
+other. These 2000 operations were a quarter of what XLA compiled for a motion. Here the hundredth
+float is found at once; results keep their bits.
 
-Its check that times increase asks each function that is being called for its local variables. Up to
-Python 3.12 each then keeps a copy of them, and those of JAX hold tracers that JAX has let go, which
-`jax.checking_leaks` takes for leaks. Here the copies are emptied.
+Diffrax's check that times increase reads the local variables of each function that is being called.
+Up to Python 3.12 each frame then keeps a copy of them. The copies in frames of JAX hold tracers
+that JAX has released, which `jax.checking_leaks` takes for leaks. Here the copies are emptied.
 """
 
 import sys
@@ -27,9 +27,9 @@ _one_at_a_time = threading.RLock()
 
 @contextmanager
 def floats_counted_at_once() -> Iterator[None]:
-    """While diffrax is traced: the float before the float before a time is found from the time.
+    """Let diffrax, while it is traced, find any earlier float directly from a time.
 
-    No tracer is kept by what is done to that end, nor by diffrax's checks.
+    Neither this replacement nor diffrax's checks keep a tracer.
     """
     made = {"prevbefore": _counting, "error_if": _forgetting}
     with _one_at_a_time:
@@ -74,7 +74,7 @@ def _forgetting(usual: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def earlier(time: Array, count: int) -> Array:
-    """The float so many before a time, which zero does not lie between.
+    """Return the float that lies `count` floats before a time, without zero between them.
 
     Floats are ordered as their bits are, negative ones backwards.
     """

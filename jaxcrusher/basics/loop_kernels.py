@@ -33,7 +33,7 @@ def asked_for() -> bool:
 
 
 def loops_are_slow() -> bool:
-    """Tell whether XLA calls each operation of a loop on its own: not asked to, before JAX 0.12."""
+    """Tell whether XLA calls each loop operation on its own: before JAX 0.12, without the flag."""
     import jax
 
     return not asked_for() and jax.__version_info__ < (0, 12)

@@ -1,6 +1,6 @@
 """Loops over instants and over designs: in turn on a processor, side by side on a GPU.
 
-And the function that integrates in place of diffrax while a function is traced.
+It also holds the function that integrates in place of diffrax during a trace.
 """
 
 from collections.abc import Callable
@@ -15,11 +15,11 @@ from jaxcrusher.basics.devices import computes_on
 
 
 def one_by_one(function: Callable, instants: PyTree, args: PyTree) -> PyTree:
-    """`function(*instant, args)` at each of n instants, the leading axis of their arrays.
+    """Return `function(*instant, args)` at each of n instants, the leading axis of their arrays.
 
     On a CPU XLA makes one kernel of the loop, but fifty of derivatives side by side, which took 13
     times as long. On a GPU a loop that writes an array row by row took 5 times as long as all else.
-    In reverse too: an instant is looked at again, and only what is slow is kept.
+    In reverse mode an instant is computed again, and only its slow operations are stored.
     """
     again = jax.checkpoint(
         lambda instant: function(*instant, args), prevent_cse=False, policy=_is_slow

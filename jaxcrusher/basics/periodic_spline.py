@@ -1,7 +1,8 @@
 """The periodic cubic spline through points over an angle, as a sum of increments.
 
-Its value is that of the first point and what each interval adds up to the angle: nothing before it,
-all of it behind it. So no interval is looked up by a number that is traced, and nothing cancels.
+Its value is the value at the first point plus the increment of each interval up to the angle: zero
+before the interval, the whole behind it. So no traced number selects an interval, and nothing
+cancels.
 """
 
 import equinox as eqx
@@ -17,7 +18,7 @@ TURN = 2 * np.pi
 
 
 class PeriodicSpline(Record):
-    """A twice differentiable function of period 2 pi, with slopes by all that it goes through."""
+    """A twice differentiable function of period 2 pi, with slopes by all of its points."""
 
     origin: Scalar = eqx.field(converter=scalar)  # the first angle, rad
     first: Scalar = eqx.field(converter=scalar)  # the value there

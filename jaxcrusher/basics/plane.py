@@ -1,6 +1,6 @@
 """Vectors of the plane of motion, kept as two scalars, and points of a body in its own axes.
 
-Of sums of vectors some parts may not be there: None is zero, and costs nothing.
+Terms of a sum may be absent: None is zero, and costs nothing.
 """
 
 import functools
@@ -71,7 +71,7 @@ class Vector(Record):
         return Vector(self.x * axis.x - self.y * axis.y, self.x * axis.y + self.y * axis.x)
 
     def seen_from(self, axis: "Vector") -> "Vector":
-        """Return the components along the axes of a body whose x axis is `axis`, as of `along`."""
+        """Return the components along the axes of a body whose x axis is `axis` (unit)."""
         return Vector(self.dot(axis), axis.cross(self))
 
     def array(self) -> Float[Array, "2"]:
@@ -98,7 +98,7 @@ def minus(one: T | None, other: T | None) -> T | None:
 
 
 def or_zero(vector: Vector | None) -> Vector:
-    """Return a vector; None is the one without length."""
+    """Return a vector; for None the zero vector."""
     return Vector(0.0, 0.0) if vector is None else vector
 
 
@@ -122,7 +122,7 @@ class Arm(Record):
         return plus(*parts)
 
     def vector(self) -> Vector:
-        """Return it as a vector of the body's axes."""
+        """Return the arm as a vector of the body's axes."""
         return Vector(*(jnp.zeros(()) if part is None else part for part in (self.x, self.y)))
 
 

@@ -1,4 +1,4 @@
-"""Modules of Equinox that say what they hold, and values that equations are written in."""
+"""Equinox modules that print their contents, and values for writing equations."""
 
 from typing import Any
 
@@ -40,9 +40,9 @@ def words(kind: Any, item: PyTree) -> str:
 class Record(Printed):
     """A value of several parts, such as a vector or a joint, whose methods are Python's own.
 
-    Equinox makes a PyTree of each method that is looked up, with all that its object holds, so that
-    it may be handed to JAX by itself. Nobody hands over those of a vector, and to trace the
-    equations of motion took twice as long with them.
+    Equinox makes a PyTree of each method that is looked up, with all data of its object, so that
+    the method may be passed to JAX. Methods of a vector are never passed, and to trace the
+    equations of motion took twice as long with these PyTrees.
     """
 
     __getattribute__ = object.__getattribute__

@@ -43,26 +43,26 @@ def set_up() -> None:
     """Set JAX up: 64-bit floats, all cores, and programs that are compiled once.
 
     Call it before the first computation, best right after `import jaxcrusher`; a second call does
-    nothing. Later it can only warn (UserWarning) and say how Python should have been started.
+    nothing. After that computation it can only warn (UserWarning) and say how to start Python.
 
     - JAX computes in 64-bit floats.
     - JAX computes on the processor, also where it sees a GPU, unless you name a device: by
       `JAX_PLATFORMS`, or by JAX's settings `jax_platforms` and `jax_default_device`.
-    - Each core is a device of JAX, and XLA takes the emitters that compile fastest. What
-      `XLA_FLAGS` holds of this already stays as it is.
+    - Each core is a device of JAX, and XLA takes the emitters that compile fastest. Such
+      settings that `XLA_FLAGS` already holds stay as they are.
     - SciPy's OpenBLAS, in which JAX solves linear systems, takes one thread unless
       `OPENBLAS_NUM_THREADS` says otherwise: its threads wait for each other where every core has
-      work, and a system of 200 unknowns then takes 100 ms in place of half of one. The first
-      computation sees to that without this call too.
+      work, and a system of 200 unknowns then takes 100 ms instead of 0.5 ms. The first
+      computation sets this without this call too.
     - Compiled programs are kept in the user's cache folder (or `JAX_COMPILATION_CACHE_DIR`), for
       this version of the package, of XLA and of the processor; a folder that cannot be written is
-      only read, or not used. What a full disk or a killed process has cut off is removed.
+      only read, or not used. Files that a full disk or a killed process cut short are removed.
       `JAX_ENABLE_COMPILATION_CACHE=0` turns all of that off.
     - A program is kept only if it raises no errors while it runs, so Equinox is told to return
       NaN in place of them: a solve of your own by diffrax that fails is then NaN and raises
       nothing. With `EQX_ON_ERROR=raise` in the environment it raises, and nothing is kept.
-    - Python looks for garbage after 50 000 new objects, if it did so more often: most of what
-      tracing makes is kept, and to look through it took an eighth of a program's time.
+    - Python's garbage collector runs after 50 000 new objects, if it ran more often: most
+      objects of a trace stay alive, and scanning them took an eighth of a program's time.
     """
     if 0 < gc.get_threshold()[0] < _OBJECTS:
         gc.set_threshold(_OBJECTS)
@@ -168,7 +168,7 @@ def _level_of_the_user() -> int:
 
 
 def cores() -> int:
-    """The cores this process may use; not every system tells."""
+    """Return how many cores this process may use, as far as the system tells."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -221,7 +221,7 @@ def _drop_what_is_cut_off(folder: Path) -> None:
 
 
 def programs_folder() -> Path:
-    """Return the folder of compiled programs for those who chose none: one in the user's cache.
+    """Return the default folder of compiled programs, in the user's cache.
 
     It is for this version of the package, of XLA and of the processor: machine code of one
     processor may not run on another.

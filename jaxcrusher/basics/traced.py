@@ -53,7 +53,7 @@ def traced(function: Callable[..., PyTree], *operands: PyTree) -> Traced:
     """Trace `function` now, for arrays (or `jax.ShapeDtypeStruct`s) like `operands`.
 
     The result computes the same. Arrays in a function that is a PyTree, such as `equinox.Partial`,
-    remain numbers of the program; all else that it reads is part of what it is compared by.
+    remain numbers of the program; all other values that the function reads are compared.
     """
     arrays, others = eqx.partition(function, eqx.is_array)
     numbers, tree = jax.tree.flatten(arrays)

@@ -86,7 +86,7 @@ def per_volume(power: ArrayLike, capacity: ArrayLike) -> Values:
 
 
 def throughput(capacity: float, bulk_density: float) -> float:
-    """Return the capacity in t/h of one in m3/h, at a bulk density in kg/m3."""
+    """Convert a capacity in m3/h to t/h, at a bulk density in kg/m3."""
     return 1e-3 * bulk_density * capacity
 
 
@@ -98,8 +98,8 @@ def lower_end(angle: Scalar, linkage: Linkage) -> Scalar:
 def stationary(travel: Callable[..., Scalar], angle: Scalar, *numbers: PyTree) -> Scalar:
     """Return the angle near a given one (rad) at which a travel (m) is least or greatest.
 
-    `travel` is a function of the angle and of numbers, by which the angle has first derivatives. So
-    the travel there has second ones.
+    `travel` is a function of the angle and of numbers. By these numbers the angle has first
+    derivatives, so that the travel there has second ones.
     """
     rate, held = jax.grad(travel), jax.lax.stop_gradient(numbers)
 
@@ -117,7 +117,7 @@ def stationary(travel: Callable[..., Scalar], angle: Scalar, *numbers: PyTree) -
 def stroke_ratio(linkage: Linkage) -> Scalar:
     """Return the vertical over the horizontal travel of the jaw's lower end over a turn.
 
-    By 720 angles, to some 1e-5. What grinds the jaws grows with it.
+    Computed at 720 angles, to some 1e-5. The abrasion of the jaws grows with it.
     """
     pin = linkage.joints.at("elbow").pin
     angles = jnp.linspace(0, 2 * jnp.pi, 10 * ANGLES, endpoint=False)
@@ -128,7 +128,7 @@ def stroke_ratio(linkage: Linkage) -> Scalar:
 def stroke(linkage: Linkage) -> Scalar:
     """s, the horizontal travel of the jaw's lower end B over a turn (m); ideal joint.
 
-    To rounding, with first and second derivatives.
+    It is exact to rounding, with first and second derivatives.
     """
     angles = jnp.linspace(0, 2 * jnp.pi, ANGLES, endpoint=False)
     travel = jax.vmap(lower_end, (0, None))(angles, jax.lax.stop_gradient(linkage))

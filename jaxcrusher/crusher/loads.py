@@ -1,15 +1,15 @@
 """Crushing loads on the jaw; the reaction of each acts on the fixed jaw along the same line.
 
-A load is a function of the shaft's angle, and of pose and velocity of the jaw. It says the force
-and where on the line A-B it acts.
+A load is a function of the shaft's angle, and of pose and velocity of the jaw. It gives the force
+and where it acts on the line A-B.
 
 The bed of rock of a chamber is pressed in every stroke. Its pressure at a depth is a power law of
-the compression ratio, stroke over width of the bed, which is what Evertsson (Cone Crusher
-Performance, Chalmers 2000) measured pressures of beds over; the power itself is a simplification.
-The stroke of a depth is counted from where the ideal linkage is furthest away there. While a depth
-opens, the rock falls and does not press. The law knows neither sizes of rock nor breakage, no rock
-that leaves, and the same bed in every stroke. Its modulus is to be fitted to a measured force or
-power.
+the compression ratio, the stroke over the width of the bed. Evertsson (Cone Crusher Performance,
+Chalmers 2000) measured the pressure of beds over this ratio; the power law is a simplification.
+The stroke at a depth is counted from where the jaw of the ideal linkage is furthest away there.
+While a depth opens, the rock falls and does not press. The law has no sizes of rock, no breakage
+and no rock that leaves; the bed is the same in every stroke. Its modulus is to be fitted to a
+measured force or power.
 """
 
 import abc
@@ -37,9 +37,9 @@ _ANGLES = 720
 
 
 class JawMotion(Record):
-    """What a load sees of an instant, in the frame's axes; only what it asks for is computed.
+    """The jaw's motion at an instant, in the frame's axes; only what a load uses is computed.
 
-    A point of the jaw is so many metres from A towards B, and None is its mass centre S2.
+    A point of the jaw is given by its distance (m) from A towards B; None is the mass centre S2.
     """
 
     motion: Motion
@@ -96,7 +96,7 @@ class AbstractLoad(AbstractPush):
 
     @abc.abstractmethod
     def force(self, jaw: JawMotion) -> JawForce:
-        """Return the force (N) on a jaw that moves so, and where it acts."""
+        """Return the force (N) on the jaw in this motion, and where it acts."""
 
     @property
     def body(self) -> str:
@@ -181,8 +181,8 @@ class HalfSineStroke(AbstractConstantLoad):
 def closing_stroke_of(linkage: Linkage, along: Scalar | float | None) -> tuple[Scalar, Scalar]:
     """Return middle and span (rad) of the angles theta1 over which a point of the jaw closes.
 
-    `along` as in `JawForce`; the joints are ideal. To some 1e-5 rad. The span of a point that does
-    not close just once in a turn is NaN.
+    `along` as in `JawForce`; the joints are ideal. Angles are exact to some 1e-5 rad. The span of a
+    point that does not close just once in a turn is NaN.
     """
     step = 2 * jnp.pi / _ANGLES
     angles = step * jnp.arange(_ANGLES, dtype=float)
@@ -259,8 +259,8 @@ def crushing_bed(
     """Return the bed between the jaws of a machine.
 
     The chamber reaches `height` (m) up from B and is `length` (m) long. The bed is `discharge` (m)
-    wide at B and wider upwards by the tangent of `nip_angle` (rad). Raises ValueError for one that
-    the jaw would press to nothing; one that is only known to `jax.jit` is NaN.
+    wide at B and wider upwards by the tangent of `nip_angle` (rad). Raises ValueError for a bed
+    that the jaw would press to zero width; if only `jax.jit` knows such a bed, it is NaN.
     """
     half, jaw_length = height / 2, lengths_of(linkage)["jaw.length"]
     along = jaw_length - half * (1 - _PLACES)

@@ -45,7 +45,7 @@ class Shape(NamedTuple):
 
 
 class Dot(NamedTuple):
-    """A point with its name so many points beside it, and how it is drawn."""
+    """A point, the offset of its name in typographic points, and how it is drawn."""
 
     point: Point
     beside: tuple[int, int]

@@ -1,6 +1,6 @@
-"""What results of a crusher are called, and what is asked of it besides what any linkage has.
+"""The names of a crusher's results, and its observables beyond those of any linkage.
 
-That is the forces on its foundation, and places of its jaw.
+These are the forces on its foundation, and places of its jaw.
 """
 
 from collections.abc import Mapping
@@ -88,7 +88,7 @@ def rod_tension(s: Snapshot, scene: Scene) -> Scalar:
 
 
 def rod_margin(s: Snapshot, scene: Scene) -> Scalar:
-    """Return the tension that a rod would have that can push, N: it is slack where negative."""
+    """Return the tension of the rod if it could push, N: where negative, the rod is slack."""
     return s.applied.springs[0].wanted
 
 

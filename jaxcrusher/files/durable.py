@@ -11,7 +11,7 @@ from pathlib import Path
 
 @contextlib.contextmanager
 def named(what: str) -> Iterator[None]:
-    """Say in front of an OSError what could not be done."""
+    """Begin the text of an OSError with what could not be done."""
     try:
         yield
     except OSError as error:
@@ -20,11 +20,11 @@ def named(what: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[Path]:
-    """A path to write to, beside `path`, whose place it takes at the end.
+    """Give a temporary path to write to, which replaces `path` at the end.
 
-    So `path` is there whole or not at all, also through a power cut. Every call has a name of its
-    own: two that write one file, or files that differ in their suffix, do not meet. After an error
-    nothing is left of it.
+    So `path` is there whole or not at all, also through a power cut. Every call has its own
+    name: calls that write one file, or files that differ in their suffix, do not collide. After an
+    error the temporary file is removed.
     """
     partial = path.with_name(f"{path.stem}.{uuid.uuid4().hex}.partial{path.suffix}")
     try:

@@ -23,11 +23,11 @@ Arrays = dict[str, np.ndarray]
 
 
 class Journal:
-    """A folder with the arrays of each finished chunk, found again by what went into it.
+    """A folder with the arrays of each finished chunk, found again by its inputs.
 
     The name of a chunk's file is the digest of its input, of the function that computes it, of the
     sources of this package and below the folders `sources`, and of the versions of other packages.
-    Other chunks never meet.
+    Different chunks never share a file.
     """
 
     def __init__(self, folder: Path, *sources: Path) -> None:

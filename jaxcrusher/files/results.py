@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def run_folder(out: Path, name: str) -> Path:
-    """The folder of a run inside that of all results; ValueError for a name that leaves it."""
+    """Return a run's folder inside the folder `out`; ValueError for a name that leaves `out`."""
     good = name not in ("", ".", "..") and not set(name) & {"/", "\\", "\0"}
     if not good:
         raise ValueError(
@@ -44,12 +44,12 @@ def results_folder(folder: Path) -> Path:
 
 
 def listed(folder: Path, names: Iterable[str]) -> str:
-    """Return the paths of those of the named files of a folder that were written, in one line."""
+    """Return the paths of the named files that exist in a folder, in one line."""
     return ", ".join(str(folder / name) for name in names if (folder / name).exists())
 
 
 def write_text(path: Path, text: str) -> None:
-    """Text in UTF-8, wherever the program runs."""
+    """Write text in UTF-8 on every system."""
     replace(path, text.encode())
 
 

@@ -12,11 +12,11 @@ REMEDY = "Choose another, or delete it."
 
 
 def begin(folder: Path, settings: Mapping[str, Any], *written: str) -> Path:
-    """The folder of a run that writes `written` (patterns of names), made if need be.
+    """Return the folder of a run that writes `written` (patterns of names), made if need be.
 
-    `settings` decide its results and stand beside them. What a run of the same settings left of
-    `written` is removed: nothing in the folder is older than the run. Raises ValueError for results
-    of other settings, naming what differs, and for ones that say nothing of theirs.
+    `settings` decide the results and are stored beside them. Files of `written` from a run with the
+    same settings are removed: nothing there is older than the run. Raises ValueError for results
+    of other settings, naming what differs, and for results without settings.
     """
     kept = results_folder(folder) / SETTINGS
     old = sorted({path for pattern in written for path in folder.glob(pattern)})
@@ -36,7 +36,7 @@ def begin_beside(
 ) -> Path:
     """Do as `begin`, and keep the results of a run with other settings beside the new ones.
 
-    Of the same settings files stay that are `spared` and not `written`.
+    With the same settings, files that are `spared` and not `written` stay.
     """
     keep_beside(folder / SETTINGS, settings, *written, *spared)
     return begin(folder, settings, *written)

@@ -21,7 +21,7 @@ class Column(NamedTuple):
 
     @property
     def missing(self) -> Any:
-        """Return what stands for a value that is not there."""
+        """Return the value that marks a missing one."""
         return {bool: False, str: "", int: 0}.get(self.kind, np.nan)
 
     @property
@@ -117,8 +117,8 @@ def dataset(
 def read_cells(path: Path | str) -> list[list[str]]:
     """Return the cells of each line of a CSV file, with commas between them.
 
-    Raises ValueError, of a clause that says what the file is or has, where it cannot be read, and
-    where other marks stand between its cells: programs write them beside decimal commas.
+    Raises ValueError, with a clause that says what the file is or has, if it cannot be read, or if
+    it has other separators, which programs write beside decimal commas.
     """
     try:
         lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
@@ -139,7 +139,7 @@ def read_cells(path: Path | str) -> list[list[str]]:
 
 
 def as_csv(table: "xr.Dataset") -> str:
-    """Return a table as CSV: a row a cell of its grid, and a unit behind each heading.
+    """Return a table as CSV: one row for each cell of its grid, and a unit behind each heading.
 
     The components of a vector along `direction` become columns of their own.
     """

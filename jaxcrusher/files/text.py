@@ -25,7 +25,7 @@ PREFIXED = {
 
 
 def number(value: float) -> str:
-    """Return a number with four digits, and with all of those before the point below ten million.
+    """Return a number with four digits; below ten million, with all digits before the point.
 
     NaN is "no value".
     """
@@ -35,7 +35,7 @@ def number(value: float) -> str:
 
 
 def two_digits(value: float) -> str:
-    """Return a number as an error is told, of which no more than two digits are known."""
+    """Return a number as errors are written, with two digits."""
     return number(float(f"{value:.2g}"))
 
 

@@ -48,7 +48,7 @@ class Summary:
         return "\n".join([*self._title(), *map(_cut, lines), *self._remarks()])
 
     def table(self, picture: str = "") -> str:
-        """Return it in HTML, with a picture."""
+        """Return the summary in HTML, with a picture."""
         rows, more = self.shown
         told = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
         below = "".join(f"<div>{html.escape(one)}</div>" for one in (more, *self.remarks) if one)

@@ -8,8 +8,8 @@ with the slip, and slide back the more, the more they are bent:
     g(v) = mu_k + (mu_s - mu_k) exp(-(v / v_s)^2).
 
 In steady sliding z' is zero and F_t = -F_n (g(v) sign v + s2 v), Stribeck's curve. At a standstill
-bristles are springs of s0 F_n, and hold up to mu_s F_n. Of what friction takes, the springs of the
-bristles keep the rate of F_n s0 z^2 / 2; the rest, with y = s0 z, is
+bristles are springs of s0 F_n, and hold up to mu_s F_n. Of the power of friction, the springs of
+the bristles store the rate of F_n s0 z^2 / 2; the rest, with y = s0 z, is
 
     F_n (|v| y^2 / g + s1 z' (z' + |v| y / g) + s2 v^2),
 
@@ -31,8 +31,8 @@ _SPEED = {"unit": "m/s"}
 class LuGre(AbstractFriction):
     """Stiction, presliding and Stribeck's curve, with the bristles' deflection as a state.
 
-    Defaults are judged: bristles of a bearing bend by some micrometres before it slips. They are
-    stiff where surfaces slide fast, as s0 |v| / mu_k a second.
+    Defaults are estimates: bristles of a bearing bend by some micrometres before it slips. Their
+    equation is stiff where surfaces slide fast, with the rate s0 |v| / mu_k a second.
     """
 
     slip: AbstractSlip

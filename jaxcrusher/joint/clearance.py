@@ -52,7 +52,7 @@ class Memory(Record):
 class AbstractGap(Printed):
     """A gap between two bodies, and what they do to each other where it closes.
 
-    `friction` is that of sliding surfaces, None without.
+    `friction` acts between sliding surfaces; None: there is none.
     """
 
     bore_radius: eqx.AbstractVar[Scalar]  # R_i, m; infinite between straight edges
@@ -62,13 +62,13 @@ class AbstractGap(Printed):
 
     @abc.abstractmethod
     def half_width_ratio(self, penetration: Scalar) -> Scalar:
-        """Hertz's half-width over the radius that it is narrow against."""
+        """Hertz's half-width over the radius against which it must be small."""
 
     @abc.abstractmethod
     def resting(self, force: Vector, mean_spin: Scalar) -> Vector:
-        """Where a body that hardly moves in the gap carries a force on the other: e in m, of N.
+        """The e (m) at which a body that hardly moves in the gap carries a force (N) on the other.
 
-        `mean_spin` is that of both bodies, rad/s.
+        `mean_spin` is the mean of both spins, rad/s.
         """
 
     def initial_memory(self) -> PyTree[Scalar] | None:
@@ -96,13 +96,13 @@ class AbstractGap(Printed):
     def pressed(
         self, penetration: Scalar, rate: Scalar, memory: Memory | None
     ) -> tuple[Scalar, Scalar]:
-        """The normal force where the gap is closed so far, N, and the power of its damping, W."""
+        """The normal force at a penetration (m), N, and the power of its damping, W."""
         impact = None if memory is None else memory.impact
         force = self.normal.force(penetration, rate, impact)
         return force, (force - self.normal.elastic_force(penetration)) * rate
 
     def rubbed(self, normal_force: Scalar, slip: Scalar, memory: Memory | None) -> Scalar:
-        """The friction of a gap that rubs, by the slip (m/s) that its law sees, N."""
+        """The friction force at a slip (m/s), as the law sees it, N."""
         assert self.friction is not None, "nothing rubs there"
         known = () if memory is None or memory.friction is None else (memory.friction,)
         return self.friction.force(normal_force, slip, *known)
@@ -135,9 +135,9 @@ class AbstractBearing(AbstractGap):
         """
 
     def resting(self, force: Vector, mean_spin: Scalar) -> Vector:
-        """Where a pin that hardly moves carries a force on the bearing: e in m, of N.
+        """The e (m) at which a pin that hardly moves carries a force (N) on the bearing.
 
-        `mean_spin` is that of both bodies, rad/s.
+        `mean_spin` is the mean of both spins, rad/s.
         """
         size = smooth.norm(force, 0.0)
         return (self.clearance + self.normal.penetration_under(size)) * (force / size)

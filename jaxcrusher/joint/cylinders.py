@@ -8,7 +8,7 @@ overview by Pereira, Ramalho and Ambrosio (Nonlinear Dyn. 2011, 63, 681) compare
     ESDU 78035        delta = x (ln(4 c / x) + 1)
     Liu et al. 2007   x = (delta / 2) sqrt(delta / (2 (c + delta)))
 
-All hold while the contact is narrow against the bore, Liu's by finite elements in wider ones too.
+All hold while the contact is narrow against the bore; by finite elements, Liu's in wider ones too.
 """
 
 import abc

@@ -1,15 +1,15 @@
 """A lubricating film between pin and bore under a dynamic load: short, or of finite length.
 
 With e the pin's centre from the bore's, c the radial clearance, and n the unit vector at an angle
-of the bore, the film is h = c - e.n thick. Seen by whoever turns with the mean spin
+of the bore, the film is h = c - e.n thick. In axes that turn with the mean spin
 w = (spin of pin + spin of bore) / 2, the surfaces do not drag the film along, and the pin's centre
 moves at
 
     u = e' - w z x e.
 
-Along the bore the pressure's slope is small against that across its width L (Ocvirk and DuBois,
-NACA Report 1157, 1953), so that Reynolds' equation has the pressure, and over the width its
-integral
+The pressure gradient along the bore is small against the gradient across its width L (Ocvirk and
+DuBois, NACA Report 1157, 1953). So Reynolds' equation gives the pressure and its integral over the
+width
 
     p = 6 mu u.n (L^2 / 4 - z^2) / h^3,        mu L^3 u.n / h^3.
 
@@ -38,19 +38,19 @@ cosine and the sine of the angle from F to e,
     H = 3 Y (1 + 3.60 Q') / (4 (1 - X)).
 
 F turns away from u, towards e. With x and y as X and Y, but of the angle from e to u, r^2 = 1 - y^2
-and B = (1 - E^2) / (L / 2R)^2, by
+and B = (1 - E^2) / (L / 2R)^2, the angle of this turn is
 
     asin y + (1 - x / r) (atan(3 y (1 + 3.60 B) / (4 r (1 + 2.12 B))) - asin y).
 
-Beside Reynolds' equation in two dimensions the fit is 11 % too weak to 7 % too strong up to an E of
-0.6, and up to 27 % too strong at 0.9; its direction is within 3 degrees. The short bearing with
-L / 2R = 1/4 is up to 9 % and 40 % too strong there, and with 1/2 up to 1.3 and 2.5 times
+Compared with Reynolds' equation in two dimensions, the fit is 11 % too weak to 7 % too strong up to
+an E of 0.6, and up to 27 % too strong at 0.9; its direction is within 3 degrees. The short bearing
+with L / 2R = 1/4 is up to 9 % and 40 % too strong there, and with 1/2 up to 1.3 and 2.5 times
 (`benchmarks.film`).
 
 The shear of the surfaces past each other takes a moment T (spin of pin - spin of bore) with
-T = 2 pi mu R^3 L / (c sqrt(q)), as if the film filled the whole gap. Each surface carries half of
-what else action and reaction need, since pressure and thickness are those of both. The power that
-the film takes is F.u + T (spin of pin - spin of bore)^2, which is never negative.
+T = 2 pi mu R^3 L / (c sqrt(q)), as if the film filled the whole gap. Action and reaction need a
+further moment e x F, of which each surface carries half, since they share pressure and thickness.
+The power that the film takes is F.u + T (spin of pin - spin of bore)^2, which is never negative.
 """
 
 from typing import NamedTuple
@@ -82,9 +82,9 @@ class FilmAction(NamedTuple):
 class Film(Printed):
     """A film of a liquid with constant viscosity, over the whole clearance circle.
 
-    It grows no thinner than `least_thickness`, where roughness takes over: from there on it resists
-    as it does there, and the dry contact carries. This is a short bearing's, for widths of less
-    than half of the radius: a wider one also leaks along the bore, and carries less than this says.
+    A film thinner than `least_thickness`, where roughness takes over, resists as at this thickness,
+    and the dry contact carries. This is the film of a short bearing, for widths below half of the
+    radius: a wider bearing also leaks along the bore, and carries less than this law says.
     """
 
     viscosity: Scalar = eqx.field(converter=scalar)  # mu, Pa s

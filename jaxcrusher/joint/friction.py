@@ -1,7 +1,7 @@
 """Friction of the clearance joint, and the two readings of its slip speed.
 
-All laws here are regularised: without slip there is no force, so that nothing sticks. That of
-`jaxcrusher.joint.bristles` has a state, and holds.
+All laws here are regularised: without slip there is no force, so that nothing sticks. The law of
+`jaxcrusher.joint.bristles` has a state, and sticks.
 """
 
 import abc

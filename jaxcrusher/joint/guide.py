@@ -1,13 +1,13 @@
 """A guide with a gap: a slider between two straight edges, which its four corners may touch.
 
 The slider is a rectangle of the length L and the height 2 h, its origin in the middle. Along the
-slide its sides have a gap c to each edge while it is straight in the middle. Off to the left by x
-and tilted by p (counterclockwise), its corner (i, j), i = 1 in front and -1 behind, j = 1 on the
-left and -1 on the right, lies from its origin at
+slide its sides have a gap c to each edge while it is straight in the middle. Displaced to the
+left by x and tilted by p (counterclockwise), its corner (i, j), i = 1 in front and -1
+behind, j = 1 on the left and -1 on the right, lies from its origin at
 
     ahead  i L/2 cos p - j h sin p,        left  i L/2 sin p + j h cos p,
 
-and is in the edge by
+and penetrates the edge by
 
     delta = j x + i j L/2 sin p - h (1 - cos p) - c.
 
@@ -17,7 +17,7 @@ that of a sphere of the corner's radius on a plane, and friction along the edge.
 counted at the slider's origin: a force, and a moment about it.
 
 The unknowns are x and y = p L/2, both in m: for small tilts x + y is how far the front end is off,
-and x - y how far the rear end. The force to the left and the moment over L/2 do their work on them.
+and x - y how far the rear end. The force to the left does work on x, and the moment over L/2 on y.
 """
 
 import functools

@@ -24,7 +24,7 @@ TOUCH = 1e-8
 
 
 def inverse(function: Callable[[Scalar], Scalar], value: Scalar, guess: Scalar) -> Scalar:
-    """Return where a function near a power is `value` (> 0), by Newton for the logarithms."""
+    """Return where a function near a power law is `value` (> 0), by Newton in logarithms."""
     for _ in range(6):
         found, slope = jax.jvp(function, (guess,), (jnp.ones_like(guess),))
         guess = guess * (value / found) ** (found / (guess * slope))
@@ -96,11 +96,11 @@ class TrackedImpactVelocity(AbstractImpactVelocity):
     """The approach speed at the last touch-down, not below a floor.
 
     While a pin approaches its bore the memory u follows the approach speed v as the gap g closes:
-    u' = (v - u) v / (b (g + w)), so that du/dg = (u - v) / (b (g + w)), in which there is no time.
-    From a gap G on, u at touch-down is v but for (w / G)^(1/b) of what it was before, and for
-    b w a / v^2 of v under an acceleration a: 2e-4 of an impact of 0.01 m/s under gravity, 1e-5 of
-    one of 2 m/s under 20 000 m/s2. While pin and bore part, and in contact, u rests. Below a floor
-    of 0.03 m/s the slowest contacts may pull (F_n < 0) for a moment.
+    u' = (v - u) v / (b (g + w)), so that du/dg = (u - v) / (b (g + w)) does not depend on time.
+    After a gap G, u at touch-down is v but for (w / G)^(1/b) of its earlier value, and but for
+    b w a / v^2 of v under an acceleration a: 2e-4 for an impact of 0.01 m/s under gravity, 1e-5 for
+    one of 2 m/s under 20 000 m/s2. While pin and bore part, and in contact, u is constant. Below a
+    floor of 0.03 m/s the slowest contacts may pull (F_n < 0) for a moment.
     """
 
     floor: Scalar = eqx.field(converter=scalar, default=0.01)  # m/s
@@ -189,11 +189,11 @@ class AbstractHysteresis(AbstractNormalForce):
     def delivered_restitution(self, speed: Scalar) -> Scalar:
         """Rebound over impact speed e* of a free impact at `speed` (m/s).
 
-        D - ln(1 + D) = -D e* - ln(1 - D e*), for any stiffness, mass and exponent, with D in
+        D - ln(1 + D) = -D e* - ln(1 - D e*), for any stiffness, mass and exponent, with D times
         the ratio of `speed` to the law's impact velocity. With u = -ln(1 - D e*) that is
-        u + exp(-u) - 1 = D - ln(1 + D), which Newton solves to rounding in four steps; below
-        D = 0.01, where the logarithms cancel, by the series of e* in D. Errors below 1e-11, and
-        derivatives as good as 1e-9: Newton's last step carries them.
+        u + exp(-u) - 1 = D - ln(1 + D), which Newton solves to rounding in four steps. Below
+        D = 0.01, where the logarithms cancel, the series of e* in D is used. Errors are below
+        1e-11, those of derivatives, by Newton's last step, below 1e-9.
         """
         factor = self.damping_factor() * speed / self.impact_velocity.value(speed)
         small = factor < 1e-2
@@ -229,7 +229,7 @@ class AbstractNormalLaw(AbstractHysteresis):
 
 
 class AbstractPublishedLaw(AbstractNormalLaw):
-    """A law of the literature, which its restitution alone tells from others."""
+    """A law of the literature, whose damping factor depends on the restitution alone."""
 
     stiffness: Scalar = eqx.field(converter=scalar)  # K, N/m^1.5
     restitution: Scalar = eqx.field(converter=scalar)  # e

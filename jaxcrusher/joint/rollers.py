@@ -2,8 +2,8 @@
 
 After Harris, Rolling Bearing Analysis, with Palmgren's line contact: a roller under Q (N) between
 two raceways moves them together by 2 * 3.84e-5 Q^0.9 / l^0.8 (mm), over its length l (mm). Steel on
-steel, loaded radially, with rings that keep their shape. The law is the same at each shaft angle:
-the cage brings no roller past the load.
+steel, loaded radially, with rigid rings. The law is the same at each shaft angle: it does not model
+single rollers that pass the load.
 
 A roller at the angle psi off the load is pressed by e cos psi - c, where that is positive. With the
 penetration d = e - c and q = d / (2 e), the sine of a quarter of the zone's width is sqrt(q), and
@@ -133,7 +133,7 @@ class Rollers(AbstractNormalForce):
         return stiffness * power * energy_factor(self._share(deep))
 
     def damping_coefficients(self, penetration: Scalar) -> tuple[Scalar, Scalar]:
-        """Along the load and across it, N s/m."""
+        """Damping along the load and across it, N s/m."""
         deep = smooth.positive_part(penetration, self.width)
         root = smooth.positive_power(penetration, self.width, 0.5)
         along, across = damping_shares(root / jnp.sqrt(2 * (self.clearance + deep)))

@@ -42,7 +42,7 @@ class Tautness(Printed):
 
 
 class Turning(Printed):
-    """A free shaft against the limit of friction laws: regularised, they hold nothing at rest."""
+    """A free shaft against the limit of friction laws: regularised laws hold nothing at rest."""
 
     least_speed: Scalar  # rad/s
 
@@ -59,7 +59,7 @@ class Turning(Printed):
 
 
 class Jamming(Printed):
-    """Friction of a guide against the limit of its equations: where it brings forth itself."""
+    """Friction of a guide against the limit of its equations: friction that sustains itself."""
 
     feedback: Scalar  # largest share of the friction that friction itself brings forth
 
@@ -104,7 +104,7 @@ class FilmThickness(Printed):
         return self.ratio >= 1
 
     def remarks(self) -> list[str]:
-        """Say that the film does not part the surfaces (concrete values only)."""
+        """Say that the film does not separate the surfaces (concrete values only)."""
         if bool(self.inside):
             return []
         return [f"of {float(self.ratio):.2f} least thicknesses: its surfaces touch"]
@@ -157,9 +157,9 @@ class Validity(Printed):
 
     @property
     def inside(self) -> Bool[Array, "*batch"]:
-        """Fitting, Hertzian and elastic at each joint; without impacts restitution is no matter.
+        """Fitting, Hertzian and elastic at each joint; restitution matters only with impacts.
 
-        A motion of which something is missing is not known to be inside.
+        A motion with `missing` statistics is not known to be inside.
         """
         own = self.fitting & self.hertzian & self.elastic & (not self.missing)
         return functools.reduce(operator.and_, [part.inside for part in self.others.values()], own)
@@ -194,7 +194,7 @@ class Validity(Printed):
 def validity(
     joint: AbstractGap | None, penetration_ratio: Scalar, impact_speed: Scalar
 ) -> Validity:
-    """The limits of a motion with these largest penetration/clearance and approach (m/s).
+    """The `Validity` of a motion by its largest penetration/clearance and approach (m/s).
 
     An ideal joint has neither contact nor impacts, and so no restitution.
     """

@@ -1,10 +1,10 @@
 """A GPU of NVIDIA's as a target of lanes: a design in each of its threads, 32 threads to a warp.
 
-LLVM compiles the same functions as for the processor to PTX, which is kept on disk; NVIDIA's driver
-makes machine code of it, which it keeps itself. CuPy, which is optional, starts it. However many
-designs and segments there are, a batch is one copy to the card, one kernel and one copy back. All
-three are asynchronous, in a stream of their own: another thread's batch may be prepared or computed
-in the meantime.
+LLVM compiles the same functions as for the processor to PTX, which is kept on disk. NVIDIA's driver
+compiles the PTX to machine code and keeps that itself; CuPy, which is optional, starts it. However
+many designs and segments there are, a batch is one copy to the card, one kernel and one copy back.
+All three are asynchronous, in a stream of their own: another thread's batch may be prepared or
+computed in the meantime.
 """
 
 import contextlib

@@ -44,12 +44,11 @@ class Module(ir.Module):
 
 
 class Code:
-    """A function as it is written; it gives nothing back.
+    """A function under construction, which returns nothing.
 
-    Its operands are an address, the first lane, and as many rows as it has names for. At the
-    address stands the memory of the lanes, row r at [r * lanes], or a table of other addresses.
-    Conditions and loops are `with` statements: what is written inside runs if, or as often as,
-    they say.
+    Its operands are an address, the first lane, and a number of `rows`. The address points to the
+    memory of the lanes, row r at [r * lanes], or to a table of other addresses.
+    Conditions and loops are `with` statements, which control the code written inside them.
     """
 
     def __init__(
@@ -111,7 +110,7 @@ class Code:
         return start + Expression(self, ir.Constant(kind, list(map(float, range(kind.count)))))
 
     def any(self, truths: Expression) -> Expression:
-        """Say whether one of a vector is true."""
+        """Say whether any entry of a vector is true."""
         kind = ir.FunctionType(TRUTH, [truths.value.type])
         name = f"llvm.vector.reduce.or.v{self.shape.width}i1"
         function = declared(self.function.module, name, kind)
@@ -119,7 +118,7 @@ class Code:
 
     @contextmanager
     def each_true(self, truths: Expression) -> Iterator[Expression]:
-        """Run what is inside for the place of every true one of a vector."""
+        """Run what is inside for the place of every true entry of a vector."""
         width, builder = self.shape.width, self.builder
         mask = builder.bitcast(truths.value, ir.IntType(width))
         left = self.variable(Expression(self, builder.zext(mask, INTEGER)))
@@ -129,7 +128,7 @@ class Code:
             left[0] = left[0] & (left[0] - 1)
 
     def when(self, truth: Expression) -> AbstractContextManager:
-        """Run what is inside if it is true."""
+        """Run what is inside if a condition is true."""
         return self.builder.if_then(truth.value)
 
     def either(self, truth: Expression) -> AbstractContextManager:
@@ -138,7 +137,7 @@ class Code:
 
     @contextmanager
     def repeat(self, going_on: Callable[[], Expression]) -> Iterator[None]:
-        """Run what is inside as long as it is true."""
+        """Run what is inside as long as a condition is true."""
         head, inside, after = (self.function.append_basic_block() for _ in range(3))
         self.builder.branch(head)
         self.builder.position_at_end(head)
@@ -150,7 +149,7 @@ class Code:
 
     @contextmanager
     def each(self, first: Any, end: Any, step: int = 1) -> Iterator[Expression]:
-        """Run what is inside for every whole number from the first one on, before the end."""
+        """Run what is inside for every whole number from `first` on, below `end`."""
         i = self.variable(self.number(first))
         with self.repeat(lambda: i[0] < end):
             yield i[0]
@@ -165,7 +164,7 @@ class Code:
         return self.each(self.first, self.first + self.shape.own, self.shape.width)
 
     def variable(self, value: Expression) -> "Array":
-        """Make a value one that changes, as an array of one."""
+        """Make a value a variable, an array with one number."""
         with self.builder.goto_entry_block():
             place = self.builder.alloca(value.value.type)
         made = Array(self, place, value.value.type)

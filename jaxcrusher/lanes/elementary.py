@@ -1,7 +1,7 @@
 """Sine, cosine, tangent, exponentials, logarithms and powers of vectors, without branches or calls.
 
-Each is right to 2 ulp. Products are rounded once with what is added to them (`fma`), and sums are
-added up as they are written: those that compensate each other would be simplified away.
+Each is right to 2 ulp. A product and the number added to it are rounded once (`fma`). Sums are
+computed as written, since LLVM would remove terms that compensate each other.
 """
 
 import math

@@ -1,9 +1,9 @@
 """Verified functions written out as functions of lanes: bodies of a step, and summaries.
 
-In a body numbers known beforehand are folded; what depends on a design's own numbers only is
-computed once a design, in front, and kept in rows of its own; the rest runs in every step. Small
-arrays, such as the two components of a force, are taken apart. A summary reduces what was seen at
-the instants of a segment; it reads and writes the segment's page (see `layout.Layout`).
+In a body, constants are folded. Values that depend only on a design's own numbers are computed
+beforehand, once a design, and kept in rows of their own. The rest runs in every step. Small arrays,
+such as the two components of a force, are taken apart. A summary reduces the observations at the
+instants of a segment; it reads and writes the segment's page (see `layout.Layout`).
 """
 
 import operator
@@ -50,9 +50,9 @@ from jaxcrusher.lanes.verify import Verified
 
 @dataclass(eq=False)
 class Atom:
-    """A scalar of the functions: a number, or an expression of the one that is being written.
+    """A scalar: a number, or an expression of the function under construction.
 
-    One that is `of_design` does not vary along a motion: it is a vector of `prepare`.
+    An atom that is `of_design` does not vary along a motion: it is a vector of `prepare`.
     """
 
     value: Any
@@ -65,7 +65,7 @@ class Atom:
 
     @property
     def key(self) -> Any:
-        """Return the same for atoms that are the same."""
+        """Return a key that equal atoms share."""
         return (str(self.value), self.value.dtype) if self.known else id(self)
 
 
@@ -84,9 +84,9 @@ def _from_double(value: Any, kind: Any) -> Any:
 
 
 class Emitter:
-    """Writes bodies that share what is computed once a design, which `prepare` is to compute.
+    """Writes bodies that share values of a design, which `prepare` computes once.
 
-    What is kept of it stands in rows from `kept` on.
+    The values that bodies read stand in rows from `kept` on.
     """
 
     def __init__(self, prepare: Code, kept: int) -> None:

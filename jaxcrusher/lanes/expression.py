@@ -1,7 +1,7 @@
-"""Operators that write LLVM's instructions, and what they make of doubles and whole numbers.
+"""Operators on doubles and whole numbers that write LLVM's instructions.
 
-Python runs a function of `Expression`s once, and what it would compute is written down, as JAX
-traces. Most functions here take numbers of NumPy too, and give numbers then.
+Python runs a function of `Expression`s once, and its operations are recorded, as JAX traces. Most
+functions here also take NumPy's numbers, and then return numbers.
 """
 
 import functools
@@ -159,17 +159,17 @@ def fma(a: Any, b: Any, c: Any) -> Any:
 
 
 def bits(x: Expression) -> Expression:
-    """Take the 64 bits of a double for a whole number."""
+    """Read the 64 bits of a double as a whole number."""
     return x.new(x.code.builder.bitcast(x.value, x.of(INTEGER)))
 
 
 def double(x: Expression) -> Expression:
-    """Take the 64 bits of a whole number for a double."""
+    """Read the 64 bits of a whole number as a double."""
     return x.new(x.code.builder.bitcast(x.value, x.of(DOUBLE)))
 
 
 def exactly(of_numbers: Callable) -> Callable[[Callable], Callable]:
-    """Have a function's sums added up as they are written; numbers alone go to `of_numbers`."""
+    """Have a function's sums computed as written; numbers alone go to `of_numbers`."""
 
     def decorate(function: Callable) -> Callable:
         @functools.wraps(function)
@@ -202,7 +202,7 @@ LARGEST_QUOTIENT = 2.0**52
 
 
 def nearest_away(x: Any) -> Any:
-    """Round to the nearest whole number, of two to the larger one in size."""
+    """Round to the nearest whole number, ties away from zero."""
     size = abs(x)
     below = floor(size)
     rounded = below + where(size - below >= 0.5, 1.0, 0.0)
@@ -227,7 +227,7 @@ def double_of(x: Any) -> Any:
 def whole_of(x: Any) -> Any:
     """Convert a number to a whole one of 64 bits: a double loses its fraction.
 
-    Beyond the largest whole number it becomes that one, and NaN becomes zero.
+    Out of range it becomes the nearest such number, and NaN becomes zero.
     """
     kind = kind_of(x)
     if not isinstance(x, Expression):
@@ -250,7 +250,7 @@ def _whole(x: float) -> np.int64:
 
 
 def clipped(x: Any, least: int, most: int) -> Any:
-    """Bring a whole number into a range, to its nearer end."""
+    """Clip a whole number to a range."""
     x = where(x < least, typed_as(x, least), x)
     return where(x > most, typed_as(x, most), x)
 
@@ -261,7 +261,7 @@ def wrapped(x: Any) -> Any:
 
 
 def quotient(a: Any, b: Any) -> Any:
-    """Divide whole numbers, without the fraction; by zero this gives -1."""
+    """Divide whole numbers, without the fraction; a division by zero gives -1."""
     trap = (b == 0) | (b == -1)  # of processors
     divisor = where(trap, typed_as(b, 1), b)
     if isinstance(a, Expression) or isinstance(divisor, Expression):
@@ -272,7 +272,7 @@ def quotient(a: Any, b: Any) -> Any:
 
 
 def remainder(a: Any, b: Any) -> Any:
-    """Return the remainder of whole numbers, with the sign of a; by zero that is a."""
+    """Return the remainder of whole numbers, with the sign of a; for b = 0 it is a."""
     return where(b == 0, a, a - quotient(a, b) * b)
 
 

@@ -2,9 +2,9 @@
 
 All numbers of the lanes stand in one memory, a row of all lanes for each.
 
-What is observed along a segment stands in a page. On a GPU every lane has one, and observes in its
-steps. On a processor a lane keeps samples, its states at the instants. At the end of a segment it
-observes a vector of instants at a time in the thread's only page, which its summary is made of.
+The observations along a segment stand in a page. On a GPU every lane has a page, and observes in
+its steps. On a processor a lane keeps samples, its states at the instants. At the end of a segment
+it observes a vector of instants at a time in the thread's only page. The summary uses the page.
 """
 
 from typing import Any, NamedTuple
@@ -34,7 +34,7 @@ SUCCESS, TOO_MANY_STEPS, STEP_TOO_SMALL, NOT_FINITE = range(4)
 
 
 class Layout(NamedTuple):
-    """How many numbers a design has, and the first rows of what has several."""
+    """How many numbers a design has, and the first row of each group of numbers."""
 
     shape: Shape
     motion: int  # states of the motion, which come first
@@ -78,7 +78,7 @@ def layout(
     followed: int = 0,
     tallies: int = 0,
 ) -> Layout:
-    """Put one after the other; of the design nothing is kept yet."""
+    """Put the groups one after the other; no values of the design are kept yet."""
     lengths = (states, states, STAGES * states, numbers, sampled or observed)
     lengths += (followed, followed, 1 + followed, tallies, 0)
     rows = (CLOCK + sum(lengths[:i]) for i in range(len(lengths) + 1))
@@ -117,7 +117,7 @@ class Control(NamedTuple):
 
 
 class Lanes(NamedTuple):
-    """A thread's own arrays, and in its code what is at their addresses."""
+    """A thread's own arrays; in its code, the arrays at their addresses."""
 
     memory: Any  # (rows, lanes)
     whole: Any  # (5, lanes): whole numbers
@@ -126,7 +126,7 @@ class Lanes(NamedTuple):
 
 
 class Shared(NamedTuple):
-    """Arrays that all threads read and write, and in their code what is at the addresses."""
+    """Arrays that all threads read and write; in their code, the arrays at the addresses."""
 
     # See `Designs`.
     starts: Any

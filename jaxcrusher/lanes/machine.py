@@ -1,6 +1,6 @@
 """Machine code of LLVM's text: compiled, kept on disk, and run by the processor.
 
-A folder that cannot be written costs the time to compile, and is no error. A thread of the
+If the folder cannot be written, code is compiled again, without an error. A thread of the
 processor advances as many lanes as stand in a row; a GPU's are those of `lanes.card`.
 """
 
@@ -116,9 +116,9 @@ def optimised(text: str, target: llvm.TargetMachine) -> llvm.ModuleRef:
 
 
 class Target(NamedTuple):
-    """Where lanes are: their shape, and what goes on until all results are written.
+    """Where lanes run: their shape, and the function that advances them.
 
-    It may return them in arrays of its own.
+    The function may return the results in arrays of its own.
     """
 
     shape: Shape

@@ -56,7 +56,7 @@ def constant(value: Any, kind: str | None = None) -> np.ndarray:
 
 
 def folded(function: Callable, *values: Any) -> Any:
-    """Apply a function to expressions and numbers; numbers alone make a number, without a word.
+    """Apply a function to expressions and numbers; numbers alone make a number, without warnings.
 
     Numbers have the types of `constant`.
     """

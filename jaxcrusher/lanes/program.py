@@ -1,8 +1,8 @@
 """A function of one design, run for many: lanes do its integrations, JAX the rest.
 
 The function is traced once, each integration a single equation of the trace, and the trace of one
-design serves all that are like it. It is cut at its integrations: what stands between them JAX
-computes for all designs.
+design serves all that are like it. The trace is cut at its integrations, and JAX computes the parts
+between them for all designs.
 """
 
 import threading
@@ -28,7 +28,7 @@ TILE, ROOMS = 64, tuple(16 * 4**i for i in range(12))
 
 
 class NoIntegration(Unsupported):
-    """There is nothing to do for lanes."""
+    """The function has no integration for lanes."""
 
 
 class Value(NamedTuple):
@@ -134,7 +134,7 @@ _LOCK = threading.RLock()
 
 
 def program(function: Callable[[Any], PyTree], scenes: PyTree, target: Target) -> Program:
-    """Return the program of a function for stacked scenes, of an earlier call if it was like it.
+    """Return the program of a function for stacked scenes, or that of an earlier, similar call.
 
     Its integrations are those that `record` puts into the trace. Raises `Unsupported` for what
     lanes cannot do.

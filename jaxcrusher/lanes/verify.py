@@ -1,7 +1,7 @@
-"""The verifier: programs of which lanes know every primitive, type and shape; others are refused.
+"""The verifier: it refuses programs unless lanes know every primitive, type and shape in them.
 
-Instructions are written only from what `verified` returns, by its `walk`. There the calls of a
-trace are opened, and each equation is held against the tables of `primitives`.
+Instructions are written only by the `walk` of what `verified` returns. `verified` inlines the calls
+of a trace, and checks each equation against the tables of `primitives`.
 """
 
 from collections.abc import Callable, Sequence
@@ -66,9 +66,9 @@ class Verified(NamedTuple):
         primitive: Callable[[JaxprEqn, list], Any],
         literal: Callable[[Any, str], Any] = constant,
     ) -> list:
-        """Return the results by what `primitive` makes of each equation and its operands.
+        """Return the results; `primitive` evaluates each equation with its operands.
 
-        `literal` makes of a constant array and its type what a variable stands for.
+        `literal` turns a constant array and its type into a value of a variable.
         """
         values = {v: literal(array, type_of(v)) for v, array in self.constants.items()}
         values |= zip(self.operands, inputs, strict=True)

@@ -26,8 +26,8 @@ from jaxcrusher.mechanism.topology import FRAME
 class AbstractPush(Printed):
     """A force between the frame and a point of a body.
 
-    Its reaction acts on the frame in the same line, as that of the gas on a piston acts on the
-    cylinder's end, so that it does not shake the ground by itself.
+    Its reaction acts on the frame in the same line, as gas pushes a piston and the cylinder's end,
+    so that a push does not shake the ground by itself.
     """
 
     @property
@@ -43,19 +43,19 @@ class AbstractPush(Printed):
         """
 
     def steady(self) -> "AbstractPush":
-        """Return the push that repeats with the crank's turn: this one, or the mean of this one.
+        """Return the push that repeats with the crank's turn: this push, or its mean.
 
-        Raises ValueError for one that is known not to repeat.
+        Raises ValueError for a push that is known not to repeat.
         """
         return self
 
     def later(self, angle: Any) -> "AbstractPush":
-        """Return the push as it is when the crank has turned by some whole turns, in rad."""
+        """Return the push after the crank has turned by some whole turns, in rad."""
         return self
 
 
 class Push(AbstractPush):
-    """A force that stays as it is, in the frame's axes."""
+    """A constant force, in the frame's axes."""
 
     at: Point
     given: Vector  # N
@@ -76,7 +76,7 @@ def _as_module(size: Callable[[Scalar], Scalar]) -> Callable[[Scalar], Scalar]:
 
 
 class PushByAngle(AbstractPush):
-    """A force along a direction that stays, by the angle of the crank.
+    """A force along a fixed direction, of a size by the angle of the crank.
 
     Raises ValueError for a direction without length.
     """
@@ -117,7 +117,7 @@ COSINES = 64
 
 
 class RoughFeed(AbstractPush):
-    """A push that no two turns have alike: any other one times 1 + s w, with the scatter s.
+    """A push that differs from turn to turn: another push times 1 + s w, with the scatter s.
 
     w has a mean of 0, a variance of 1, and a flat spectrum from order 0 to the bandwidth, in
     multiples of the crank's speed: sqrt(2 / K) sum of K cosines of order nu_k and phase phi_k.
@@ -190,8 +190,8 @@ class Spring(Record):
     """A spring with a damper beside it, between two points of bodies or of the frame.
 
     It pulls its ends together by preload + stiffness (L - L0) + damping L', and pushes them apart
-    where that is negative. One with a `slack` never pushes: it is slack there, and its pull is off
-    by a quarter of that force at most.
+    where that is negative. A spring with a `slack` (N) goes slack there instead, and the error of
+    its pull is at most a quarter of `slack`.
     """
 
     ends: tuple[Point, Point]

@@ -1,8 +1,8 @@
 """Two degrees of freedom for each joint with clearance: the eccentricity of its pin in its bore.
 
-With the eccentricities known every dyad closes as an ideal one does, about shifted points. No
-constraints, no drift, and no penetration is a difference of two large numbers. A free crank and a
-frame on supports add their own states; with ideal joints there may be none at all.
+With the eccentricities known every dyad closes as an ideal one does, about shifted points. There
+are no constraints and no drift, and no penetration is a difference of two large numbers. A free
+crank and a frame on supports add their own states; with ideal joints there may be none at all.
 """
 
 from jaxtyping import PyTree, Scalar
@@ -59,7 +59,7 @@ class EccentricityFormulation(AbstractFormulation):
     """Kane's equations in eccentricities, and in the spins of what is held together."""
 
     def initial(self, scene: Scene) -> EccentricityState:
-        """Return what the scene's start says, with crank and frame at theirs."""
+        """Return the state of the scene's start, with the initial crank and frame."""
 
         def one(joint: AbstractGap, e: Vector, rate: Vector) -> JointState:
             return JointState(e / joint.clearance, rate, joint.initial_memory())

@@ -1,6 +1,6 @@
 """Accelerations of a linkage under given forces, and the forces that hold it together.
 
-Kane's equations. Loose joints are cut; what is left are trees of bodies that joints hold together.
+Kane's equations. Cutting the loose joints leaves trees of bodies that joints hold together.
 A mass centre moves by the arms of the bodies on its way through the tree. With their spins w_i
 
     r = root + sum of arm_i,   r'' = root'' + sum of (w_i' perp(arm_i) - w_i^2 arm_i),
@@ -12,7 +12,7 @@ so that perp(arm_i) is its partial velocity by w_i, and for each spin, over all 
 A slide adds s'' d along its line, so that d is the partial velocity by s', as of an arm -perp(d).
 The root of a tree that floats moves with the force on all of it. A joint that closes a loop adds
 its two rows, whose multipliers are its force. A frame on supports is one more body, and the tree
-that begins with it floats. Spins and accelerations are those past the ground, in the frame's axes.
+that begins with it floats. Spins and accelerations are relative to the ground, in the frame's axes.
 """
 
 from collections.abc import Iterable
@@ -52,7 +52,7 @@ class MovingFrame(Record):
 
 
 class Forces(NamedTuple):
-    """What acts on the bodies of a motion besides what holds them together."""
+    """The applied forces on the bodies of a motion, without the reactions of joints."""
 
     wrenches: tuple[Wrench, ...]  # besides the weight and the contacts
     gravity: Vector  # in the frame's axes, m/s2
@@ -84,7 +84,7 @@ class Forces(NamedTuple):
 
 
 class Guiding(Record):
-    """What a slider does to its slide, in the frame."""
+    """The force and the moment of a slider on its slide, in the frame."""
 
     force: Scalar  # to the left of the slide's direction, N
     moment: Scalar  # about the slider's origin, N m
@@ -93,7 +93,7 @@ class Guiding(Record):
 
 
 def guiding(slide: Slide, contact: Contact) -> Guiding:
-    """Return what a slider does to a guide with a gap."""
+    """Return the force and the moment of a slider on a guide with a gap."""
     assert contact.bearing_moment is not None, "a guide tells its moment"
     ahead = None if contact.friction_force is None else slide.direction.dot(contact.force)
     return Guiding(slide.direction.cross(contact.force), contact.bearing_moment, ahead)
@@ -111,7 +111,7 @@ class Accelerations(Record):
     residual: Scalar | None = None  # of held joints, m or rad; None: they are held exactly
 
     def past_frame(self, body: str) -> Scalar:
-        """Return the angular acceleration of a body past the frame, rad/s2."""
+        """Return the angular acceleration of a body relative to the frame, rad/s2."""
         spin_up, frame = self.spin_ups.at(body), self.spin_ups[FRAME]
         return spin_up if frame is None else spin_up - frame
 
@@ -230,8 +230,8 @@ class _Ways:
 def solve(motion: Motion, acting: Forces, curvatures: Named[Vector] | None = None) -> Accelerations:
     """Return the accelerations of a motion, and the forces that hold its joints.
 
-    `curvatures` are e'' (m/s2) of joints that are not loose and have an eccentricity all the same,
-    and those of slides.
+    `curvatures` are e'' (m/s2) of slides, and of joints that have an eccentricity but are not
+    loose.
     """
     linkage, curvatures = motion.linkage, Named() if curvatures is None else curvatures
     contacts, torque, frame = acting.contacts, acting.torque, acting.frame
@@ -411,7 +411,7 @@ def pair_at(
 def wrench_at(
     motion: Motion, point: Point, force: Vector, frame: MovingFrame | None = None
 ) -> Wrench:
-    """Return a force at a point of a body, or of the frame, as it counts at the mass centre."""
+    """Return the wrench about the mass centre of a force at a point of a body, or of the frame."""
     if point.body == FRAME:
         centre = Arm() if frame is None else frame.body.mass_centre
     else:

@@ -1,18 +1,18 @@
-"""Friction of slides without a gap, whose normal forces are what holds the bodies together.
+"""Friction of slides without a gap, whose normal forces are reactions.
 
-A slider bears on its guide at two ends, L apart, by N_1,2 = N / 2 +- M / L, of the force N to the
-left and the moment M about its origin; without a length in the middle, by N. It rubs along the
-slide by S = m A with A = sum |N_e| over its ends, where m follows from the friction law and the
-speed, for a force of 1 N. S acts in the line through the slider's origin, whose height counts in a
-guide with a gap alone. The equations of motion are linear in forces, so that
+A slider bears on its guide at two ends, L apart, with N_1,2 = N / 2 +- M / L, where N is the force
+to the left and M the moment about its origin. A slider without a length bears in the middle, with
+N. Its friction along the slide is S = m A with A = sum |N_e| over its ends, where m is the friction
+by the law at this speed under 1 N. S acts in the line through the slider's origin; the slider's
+height counts only in a guide with a gap. The equations of motion are linear in forces, so that
 N_e = N_e0 + sum K_ej S_j over all slides j, and while each end stays at its edge, s_e = sign N_e,
 
     A_i = a_i + sum B_ij A_j,    a_i = sum s_e N_e0,    B_ij = m_j sum s_e K_ej   (e: ends of i),
 
 which is solved, and solved again for the edges that follow. The sum of |m_j K_ej| over all slides
-and both ends says how much of A_i friction brings forth by itself. Below one the solution is the
-only one; from one on the slider may jam, as a drawer does, and friction that follows from a speed
-cannot hold it.
+and both ends is the share of A_i that friction itself causes. Below one the solution is unique;
+from one on the slider may jam, as a drawer does, and friction that follows from a speed cannot hold
+it.
 """
 
 import dataclasses

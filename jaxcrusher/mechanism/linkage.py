@@ -16,7 +16,7 @@ from jaxcrusher.mechanism.triads import Course, Guess
 
 
 class Body(Record):
-    """A rigid body: its mass, its inertia about its mass centre, and where that is."""
+    """A rigid body: its mass, its mass centre, and its inertia about the mass centre."""
 
     mass: Scalar = eqx.field(converter=scalar)  # kg
     inertia: Scalar = eqx.field(converter=scalar)  # kg m2
@@ -91,21 +91,21 @@ class Slide(Record):
 class Linkage(Record):
     """Bodies, joints and slides on a frame.
 
-    The `crank` turns in the frame about the joint `bearing`. All other bodies are dyads: pairs that
-    meet in a joint, each of which hangs on a body before them by another joint, or one of them on
-    the frame by a slide. Or they are triads: a body in the middle that meets three others, each of
-    which hangs on a body before them, or on the frame by a slide. `sides` says of each dyad, in the
-    order of `dyads`, where it meets. Two links meet on one side of the line from their first to
-    their second outer joint: 1 left, -1 right. A link and a slider meet ahead (1) or behind (-1),
-    along the slide, of the foot of the perpendicular from the link's outer joint. `guesses` says of
-    the body in the middle of each triad roughly where it is at crank angle zero, and
+    The `crank` turns in the frame about the joint `bearing`. All other bodies form dyads or triads.
+    A dyad is a pair that meets in a joint; each of the two hangs on a body before them by another
+    joint, or one of them on the frame by a slide. In a triad a middle body meets three others, each
+    of which hangs on a body before them, or on the frame by a slide. `sides` gives for each dyad,
+    in the order of `dyads`, where it meets. Two links meet on one side of the line from their first
+    to their second outer joint: 1 left, -1 right. A link and a slider meet ahead (1) or behind
+    (-1), along the slide, of the foot of the perpendicular from the link's outer joint. `guesses`
+    gives a rough pose of each triad's middle body at crank angle zero, and
     `jaxcrusher.mechanism.motion.continued` adds the `courses` from there. Frame and crank have
     their origins where their axes begin; the crank's angle is that of its x axis.
 
-    Raises ValueError for a joint or a slide of a body that there is not, for one that no group
-    needs, for bodies that are no groups, for another count of `sides`, for a triad without a guess
-    and a guess without one, for a body that has the frame's name, for a bearing that does not join
-    crank and frame, and (concrete values only) for a link whose two joints are one point and for a
+    Raises ValueError for a joint or a slide of an unknown body, for one that no group needs, for
+    bodies that form no groups, for a wrong count of `sides`, for a triad without a guess and a
+    guess without a triad, for a body that has the frame's name, for a bearing that does not join
+    crank and frame, and (concrete values only) for a link whose two joints coincide and for a
     mass or an inertia that is not positive.
     """
 

@@ -1,8 +1,8 @@
-"""Where the bodies of a linkage are and how fast, from its crank and its eccentricities.
+"""Positions and velocities of a linkage's bodies, from its crank and its eccentricities.
 
-All is relative to the frame and in its axes. The bodies of a dyad follow by where two circles meet
-or of a circle and a line, their spins by the lever formula: no trigonometry, and one square root a
-dyad. Of a triad the body in the middle is found by Newton's method (`triads`).
+All is relative to the frame and in its axes. The bodies of a dyad follow from where two circles, or
+a circle and a line, meet; their spins follow from the lever formula. So a dyad needs one square
+root and no trigonometry. The middle body of a triad is found by Newton's method (`triads`).
 """
 
 import dataclasses
@@ -60,7 +60,7 @@ class Pose(Record):
 
 
 class Motion(Record):
-    """A linkage in motion; what it says of the frame's points is that they rest."""
+    """A linkage in motion; points of the frame are at rest in it."""
 
     linkage: Linkage
     crank: Crank
@@ -127,8 +127,8 @@ def moving(
 ) -> Motion:
     """Return the motion whose pins are `e` (m) off their bores and move there at `rates` (m/s).
 
-    A joint that has no eccentricity is held together. `courses` say where the bodies in the middle
-    of triads are looked for, if not on those of the linkage. A triad that is not found is NaN.
+    A joint that has no eccentricity is held together. The middle bodies of triads are searched near
+    `courses`, or near those of the linkage if None. A triad that is not found is NaN.
     """
     so_far = Motion(linkage, crank, Named(), e, rates)
     place, rate = _hung(so_far, linkage.bearing, linkage.crank)

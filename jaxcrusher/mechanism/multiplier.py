@@ -40,7 +40,7 @@ CONTACT_TIME = 1e-4  # s
 
 
 class Placement(Record):
-    """Mass centre (m) and angle (rad) of a body, past the frame, or a time derivative of them."""
+    """Mass centre (m) and angle (rad) of a body in the frame, or a time derivative of them."""
 
     centre: Vector
     angle: Scalar
@@ -195,9 +195,9 @@ class MultiplierFormulation(AbstractFormulation):
         )
 
     def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
-        """Return a tolerance of positions of some 1 m against the clearance, above rounding.
+        """Return a tolerance for positions of some 1 m, `rtol` clearances, but above rounding.
 
-        With ideal joints it is one against the throw of the crank.
+        With ideal joints it is `rtol` throws of the crank.
         """
         sizes = [joint.clearance for joint in scene.joints.values] or [scene.throw]
         return jnp.maximum(rtol * functools.reduce(jnp.minimum, sizes), 2e-14)

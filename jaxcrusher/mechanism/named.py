@@ -1,4 +1,4 @@
-"""Something of each of several parts that have names, such as joints or bodies."""
+"""Values of parts by their names, such as those of joints or bodies."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Generic, TypeVar
@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class Named(Record, Generic[T]):
-    """One of a kind at each of some names, in an order that stays; None at every other name."""
+    """A value of one kind at each of some names, in a fixed order; None at every other name."""
 
     names: tuple[str, ...] = eqx.field(static=True)
     # None where there are none: Equinox takes all empty tuples of a PyTree for one.
@@ -23,14 +23,14 @@ class Named(Record, Generic[T]):
 
     @property
     def values(self) -> tuple[T, ...]:
-        """Return what is there, in the order of the names."""
+        """Return the values, in the order of the names."""
         return self.present or ()
 
     def __getitem__(self, name: str) -> T | None:
         return self.values[self.names.index(name)] if name in self.names else None
 
     def at(self, name: str) -> T:
-        """Return what is at a name where there is something."""
+        """Return the value at a name that has one."""
         found = self[name]
         assert found is not None, name
         return found
@@ -42,10 +42,10 @@ class Named(Record, Generic[T]):
         return len(self.names)
 
     def items(self) -> Iterator[tuple[str, T]]:
-        """Yield names, and what is there."""
+        """Yield names and values."""
         return zip(self.names, self.values, strict=True)
 
     def map(self, function: Callable[..., Any], *others: "Named[Any]") -> "Named[Any]":
-        """Return `function` of what is at each name, in this and in others."""
+        """Return `function` of the values at each name, in this and in others."""
         found = {n: function(one, *(other[n] for other in others)) for n, one in self.items()}
         return Named(found)

@@ -31,12 +31,12 @@ SPEED_WIDTH = 1e-12
 
 
 def acceleration_width(scene: Scene) -> Scalar:
-    """Return the share of the acceleration of the crank's pin, m/s2; it has no slopes."""
+    """Return a small share of the acceleration of the crank's pin, m/s2, without slopes."""
     return stop_gradient(WIDTH * scene.throw * scene.drive.speed**2)
 
 
 def force_width(s: Snapshot, scene: Scene) -> Scalar:
-    """Return the share of the force that gives it to all bodies, N."""
+    """Return the force that gives all bodies the `acceleration_width`, N."""
     return stop_gradient(s.motion.linkage.mass) * acceleration_width(scene)
 
 
@@ -187,7 +187,7 @@ def _penetration_rate(s: Snapshot, scene: Scene, joint: str) -> Scalar:
 
 
 def constraint_residual(s: Snapshot, scene: Scene) -> Scalar:
-    """Return by how much the joints that are held are apart, m or rad."""
+    """Return the largest gap of the joints that are held together, m or rad."""
     found = s.accelerations.residual
     return jnp.zeros_like(s.motion.crank.speed) if found is None else found
 
@@ -233,12 +233,12 @@ def _past_frame(s: Snapshot, scene: Scene) -> list[tuple[str, Vector]]:
 
 
 def exciting_force(s: Snapshot, scene: Scene) -> Vector:
-    """Return -sum of m a of the bodies' motion past the frame, N: the force on a frame at rest.
+    """Return -sum of m a of the bodies relative to the frame, N: the force on a frame at rest.
 
-    With a_i = a_G + (what turning with the frame adds) + (the acceleration past the frame) Newton's
-    law for frame and bodies together has the first two terms in the mass matrix of the whole
-    machine on its block. What is left is this force, by which that model is excited. It has no
-    weight, whose mean the springs carry.
+    With a_i = a_G + (terms of the frame's rotation) + (the acceleration relative to the frame),
+    Newton's law for frame and bodies together has the first two terms in the mass matrix of the
+    whole machine on its block. The third gives this force, which excites that model. It does not
+    include the weight, whose mean the springs carry.
     """
     one, *others = (rate for _, rate in _past_frame(s, scene))
     return -sum(others, one)
@@ -247,7 +247,7 @@ def exciting_force(s: Snapshot, scene: Scene) -> Vector:
 def exciting_moment(s: Snapshot, scene: Scene) -> Scalar:
     """Return the moment about G that excites a frame, N m, as `exciting_force` does.
 
-    Weights that the mechanism moves to and fro are in it, on a frame that stands as drawn.
+    It includes weights that the mechanism moves to and fro, on a frame that stands as drawn.
     """
     fall = Vector(0.0, -scene.linkage.gravity)
     return _moment(s, scene, fall, _past_frame(s, scene), s.accelerations.past_frame)
@@ -277,9 +277,9 @@ def frame_speed(s: Snapshot, scene: Scene) -> Scalar:
 
 
 def velocity_at(s: Snapshot, scene: Scene, point: Point) -> Vector:
-    """Return v_G + spin perp(r - r_G) + (the velocity past the frame) of a point, m/s.
+    """Return v_G + spin perp(r - r_G) + (the velocity relative to the frame) of a point, m/s.
 
-    It is that past the ground, in the ground's axes: what a sensor there shows.
+    It is relative to the ground, in the ground's axes, as a sensor there shows it.
     """
     past = s.motion.velocity(point)
     if s.frame is None:
@@ -292,7 +292,7 @@ def velocity_at(s: Snapshot, scene: Scene, point: Point) -> Vector:
 def acceleration_at(s: Snapshot, scene: Scene, point: Point) -> Vector:
     """Return r_S'' + phi'' perp(arm) - phi'^2 arm of a point from its body's mass centre, m/s2.
 
-    It is that past the ground, in the ground's axes: what a sensor there shows, but for its tilt.
+    It is relative to the ground, in the ground's axes, as a sensor shows it, but for its tilt.
     """
     if point.body == FRAME:
         middle = arm_to(_on_supports(s, scene)[1].point)
@@ -405,9 +405,9 @@ def fatigue(s: Snapshot, scene: Scene, joint: str) -> Scalar:
 def ring_speed(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     """Return how fast the rings of a joint turn against each other, rad/s, >= 0.
 
-    At a joint of the crank they do so once in a turn, and the crank's speed stands for theirs.
-    Elsewhere two bodies swing: there and back by an angle b on either side they roll over 4 b, as
-    b / 90 deg of a turn is counted of bearings that oscillate.
+    At a joint of the crank the rings make one turn per turn of the crank, so its speed is used.
+    Elsewhere two bodies swing by an angle b to either side: there and back they roll over 4 b.
+    So an oscillating bearing counts b / 90 deg of a turn.
     """
     one = scene.linkage.joints.at(joint)
     bodies = one.bore.body, one.pin.body

@@ -1,7 +1,7 @@
-"""What can be asked of a scene, made from its parts: observables and statistics by name.
+"""The observables and statistics of a scene by name, made from its parts.
 
-They are of joints, slides, bodies and points, of the drive, of what shakes the ground, and of
-supports. A template says what they are called, and adds what its machines alone have.
+They are of joints, slides, bodies and points, of the drive, of the forces that shake the ground,
+and of supports. A template names them, and adds those that only its machines have.
 """
 
 import functools
@@ -86,7 +86,7 @@ class Parts(NamedTuple):
 
 @dataclass(frozen=True)
 class Asked:
-    """What can be asked of a scene, and what limits its model besides contacts, by name.
+    """Observables and statistics of a scene, and limits of its model besides contacts, by name.
 
     `measurable` are the observables that sensors on a plant's machine show.
     """
@@ -104,7 +104,7 @@ class Asked:
 
 
 class Title(NamedTuple):
-    """What results call a part: before their names, in their meanings, and in a sentence."""
+    """The names of a part in results: before their names, in their meanings, in a sentence."""
 
     prefix: str
     title: str
@@ -275,7 +275,7 @@ def sensors_at(
     acceleration: Any = point_acceleration,
     called: str = "",
 ) -> Observables:
-    """Return what a sensor at a part of a machine shows, past the ground, in the ground's axes."""
+    """Return what a sensor at a part shows, relative to the ground and in the ground's axes."""
     called = called or name
     return {
         f"{name}_velocity": _seen(velocity, part, "m/s", f"velocity of {called}"),
@@ -291,10 +291,10 @@ def require_new(found: Mapping[str, Any], others: Mapping[str, Any]) -> None:
 
 
 def own_of_linkage(parts: Parts) -> Asked:
-    """Return what is asked of joints, slides, bodies and points, and no usual statistics.
+    """Return what is asked of joints, slides, bodies and points.
 
-    Vectors have x to the right and y up. Raises ValueError for names of parts of which two
-    observables would have one name.
+    Vectors have x to the right and y up. Raises ValueError for part names that give two
+    observables one name.
     """
     of_joints: Observables = {}
     found: Observables = {}
@@ -330,7 +330,7 @@ def own_of_linkage(parts: Parts) -> Asked:
 
 @dataclass(frozen=True)
 class Template:
-    """What a kind of machine calls the parts of its scenes, and what it adds to what is asked.
+    """The names of parts in scenes of a kind of machine, and the observables that it adds.
 
     It is a part of a scene's structure, and equals its copies, also those of another process. One
     of its joints may have no prefix: results show it first, also where it is ideal.

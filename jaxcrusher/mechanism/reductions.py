@@ -93,7 +93,7 @@ class Deviation(AbstractMean):
 
 @dataclass(frozen=True)
 class Lasting(AbstractMean):
-    """1 / mean of q: how long a stock lasts of which q is used in a unit of time."""
+    """1 / mean of q: how long a stock lasts if q is used of it in a unit of time."""
 
     def integrands(self, q: Array) -> tuple[Array, ...]:
         """Return the quantity."""
@@ -111,9 +111,9 @@ class Lasting(AbstractMean):
 
 @dataclass(frozen=True)
 class Sampled:
-    """Seen at `SAMPLES` instants a turn; how samples, and then n equal pieces, reduce to one.
+    """Samples at `SAMPLES` instants a turn; how samples, and then n equal pieces, reduce to one.
 
-    It misses what lasts less than an instant, such as the peak of a hard impact: an
+    It misses events between two instants, such as the peak of a hard impact; an
     `AbstractFollowed` does not.
     """
 
@@ -193,16 +193,16 @@ class Largest(AbstractFollowed):
 
 @dataclass(frozen=True)
 class Least(AbstractFollowed):
-    """The least value: the opposite of the largest one of the opposite."""
+    """The least value: minus the largest value of minus the quantity."""
 
     def begin(self) -> tuple[float, ...]:
-        """Return what `Largest` keeps, of the opposite."""
+        """Return what `Largest` keeps of minus the quantity."""
         return LARGEST.begin()
 
     def follow(
         self, kept: tuple[Scalar, ...], before: Instant, start: Instant, end: Instant
     ) -> tuple[Scalar, ...]:
-        """Return what `Largest` keeps, of the opposite."""
+        """Return what `Largest` keeps of minus the quantity."""
         opposite = (Instant(one.time, -one.seen) for one in (before, start, end))
         return LARGEST.follow(kept, *opposite)
 
@@ -224,7 +224,7 @@ class ShareAboveZero(AbstractFollowed):
     """The share of the time in which a quantity is above zero; it passes zero in straight lines."""
 
     def begin(self) -> tuple[float, ...]:
-        """Return no time above zero, and none at all."""
+        """Return zero time above zero, and zero time in all."""
         return (0.0, 0.0)
 
     def follow(
@@ -251,7 +251,7 @@ class RisesAboveZero(AbstractFollowed):
     """How often a turn a quantity comes from zero or below to above."""
 
     def begin(self) -> tuple[float, ...]:
-        """Return none."""
+        """Return a count of zero."""
         return (0.0,)
 
     def follow(
@@ -280,9 +280,9 @@ def of_slices(
 ) -> Scalar:
     """Return the number over whole turns from what each of their equal slices keeps of it.
 
-    That are the means of the integrands, the slice's number of what is followed, or all samples:
-    what a slice makes of its own mean is not what its turn makes of it. A slice may be an instant,
-    of which there are the integrands.
+    A slice keeps the means of the integrands, its number of a followed quantity, or all samples.
+    (The number of a slice's own mean would not give the number of its turn.) A slice may be an
+    instant, which has the integrands.
     """
 
     def of_turn(slices: PyTree[Float[Array, "slices ..."]]) -> Scalar:
@@ -302,8 +302,8 @@ def of_slices(
 class Statistic:
     """A number of a motion: a quantity of its instants, reduced over time.
 
-    Integrated means have slopes by any parameter; of a peak the instant stays. Every orbit
-    has all statistics, so `quantity` must have a value at an ideal joint too.
+    Integrated means have slopes by any parameter; slopes of a peak hold its instant fixed. Every
+    orbit has all statistics, so `quantity` must have a value at an ideal joint too.
     """
 
     unit: str

@@ -1,4 +1,4 @@
-"""A scene: who takes part, and what equations of motion ask of it. What is None is not traced."""
+"""A scene: its parts, and what equations of motion need; a part that is None is not traced."""
 
 import abc
 import dataclasses
@@ -59,16 +59,15 @@ class Scene(Told, eqx.Module):
 
     Joints and slides that are not named are ideal; a slide without a gap may have friction by
     `guides`. With no `foundation` the frame is clamped, and moments on the ground are counted about
-    its origin. Of `points`, of bodies or of a frame on supports, and of the mass centre of each
-    body, there are velocity and acceleration as a sensor there shows them. `own` is what
-    `with_statistics` adds, and the `template` says what its results are called and what is asked of
-    it besides.
+    its origin. `points` of bodies or of a frame on supports, and the mass centre of each body, have
+    a velocity and an acceleration as a sensor there shows them. `own` holds the statistics that
+    `with_statistics` adds. The `template` names the results, and adds observables.
 
-    Raises ValueError (concrete values only) if 64-bit floats are off, for a bearing of a joint that
-    there is not, for a clearance that is not inside (0, R_i), for a guide whose slider has no
-    length and height, for friction of a slide that has a gap or that remembers, for a push or a
-    spring at a body that there is not, for a push of the frame, and for a name of a point or slide
-    by which a result would be named that has this name already.
+    Raises ValueError (concrete values only) if 64-bit floats are off, for a bearing of an unknown
+    joint, for a clearance that is not inside (0, R_i), for a guide whose slider has no length and
+    height, for friction of a slide that has a gap, for a friction law with a memory at a slide, for
+    a push or a spring at an unknown body, for a push of the frame, and for a name of a point or
+    slide that gives a result a name that another result has.
     """
 
     linkage: Linkage
@@ -118,9 +117,9 @@ class Scene(Told, eqx.Module):
 
     @property
     def throw(self) -> Scalar:
-        """Return how far the crank's pin is from its bearing, m; alone, its radius of gyration.
+        """Return the throw of the crank's pin, m; of a crank without a pin its radius of gyration.
 
-        A moving frame is measured by it.
+        It scales the displacements of a moving frame.
         """
         linkage, crank = self.linkage, self.linkage.crank
         body, bearing = linkage.bodies.at(crank), linkage.side_of(linkage.bearing, crank)
@@ -136,14 +135,14 @@ class Scene(Told, eqx.Module):
         return self.points[name] or self.linkage.centre(name)
 
     def prefix(self, joint: str) -> str:
-        """Return what stands before the names of a joint's results, such as "elbow_"."""
+        """Return the prefix of the names of a joint's results, such as "elbow_"."""
         return self.template.joint(joint).prefix
 
     @property
     def watched(self) -> dict[str, str]:
         """Return the joints of whose contact there are statistics, each with its prefix.
 
-        A first one is among them also where it is ideal.
+        The template's first joint is among them also where it is ideal.
         """
         return {name: at.prefix for name, at in self.template.watched(self._parts).items()}
 
@@ -181,7 +180,7 @@ class Scene(Told, eqx.Module):
 
     @property
     def dry(self) -> tuple[int, ...]:
-        """Which of the loose have a bore and no film: their pins lie in it, or fly."""
+        """Which of the loose joints have a bore and no film: their pins lie in the bore, or fly."""
         wet = self.lubricated
         dry = [name for name in self.bearings.names if name not in wet]
         return tuple(i for i, name in enumerate(self.joints.names) if name in dry)
@@ -230,13 +229,13 @@ class Scene(Told, eqx.Module):
 
     @property
     def usual_statistics(self) -> tuple[str, ...]:
-        """Return the names of those that are computed without being asked for."""
+        """Return the names of the statistics that are computed without being asked for."""
         return (*self._asked.usual, *dict(self.own))
 
     def require_outputs(self, outputs: Any, table: Mapping[str, Any], *others: str) -> None:
         """Check that names are of one of the scene's tables, or `others`.
 
-        Raises ValueError, which says what the scene lacks that would have a name.
+        Raises ValueError, which says what the scene lacks for a name.
         """
         many = isinstance(outputs, Iterable) and not isinstance(outputs, str)
         for name in outputs if many else ():
@@ -264,13 +263,13 @@ class Scene(Told, eqx.Module):
         return dataclasses.replace(self, own=(*self.own, *own.items()))
 
     def entries(self, names: Iterable[str] | None = None) -> Chosen:
-        """Return the entries of these names; None: those of all that the scene has."""
+        """Return the entries of these names; None: of all statistics of the scene."""
         table = self.statistics
         return tuple((name, table[name]) for name in (table if names is None else names))
 
     @property
     def limits(self) -> Mapping[str, tuple[Callable[..., Any], tuple[str, ...]]]:
-        """Return what else the model is limited by: a verdict on statistics, and their names."""
+        """Return further limits of the model: for each a verdict on statistics, and their names."""
         return self._asked.limits
 
     def steady(self) -> "Scene":
@@ -287,7 +286,7 @@ class Scene(Told, eqx.Module):
         return self if same else dataclasses.replace(self, pushes=pushes)
 
     def ideal(self) -> "Scene":
-        """Return the same scene with ideal joints: what a clearance adds to."""
+        """Return the same scene with ideal joints, as the reference for a clearance."""
         formulation = _eccentricities()
         return dataclasses.replace(self, joints=Named(), start=None, formulation=formulation)
 
@@ -303,7 +302,7 @@ class Scene(Told, eqx.Module):
 
     @property
     def has_unknowns(self) -> bool:
-        """Whether a joint has clearance or the frame stands on supports: what an orbit is of."""
+        """Whether a joint has clearance or the frame stands on supports: an orbit's unknowns."""
         return not self.is_ideal or self.supports is not None
 
     def _summary(self) -> Summary:

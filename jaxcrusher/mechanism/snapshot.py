@@ -25,7 +25,7 @@ class FrameMotion(Record):
 
 
 def frame_at(displacement: Vector, rotation: Scalar, velocity: Vector, spin: Scalar) -> FrameMotion:
-    """Return a frame that stands and moves so."""
+    """Return the frame with this place and motion."""
     return FrameMotion(displacement, rotation, direction(rotation), velocity, spin)
 
 

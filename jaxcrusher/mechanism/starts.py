@@ -81,7 +81,7 @@ def resting(
 ) -> Named[Vector]:
     """Return the eccentricities that carry the forces of a motion whose pins are e off their bores.
 
-    The force of a contact is that which would hold its joint as it moves; the frame is clamped.
+    The contact force is the reaction of the joint, held in this motion; the frame is clamped.
     """
     drive = scene.drive
     crank = Crank(drive.speed * time, drive.speed)
@@ -108,7 +108,7 @@ def resting(
 class Given(AbstractStart):
     """Any eccentricities and rates, of joints by their names; zero where none is given.
 
-    Raises ValueError for a joint that has no clearance, once it is asked for those of a scene.
+    `eccentricities` raises ValueError for a joint that has no clearance in the scene.
     """
 
     relative: Named[Vector] = eqx.field(converter=_named)  # in clearances
@@ -127,7 +127,7 @@ class Given(AbstractStart):
 
 
 def shifted_start(scene: Scene, offset: Vector, joint: str | None = None) -> Scene:
-    """Return the scene with its start as numbers, a joint's pin `offset` clearances off it.
+    """Return the scene with its start as numbers, and a joint's pin shifted by `offset` clearances.
 
     The joint is the first one with clearance, if none is named. Scenes that differ in their start
     then run as one program.
@@ -140,7 +140,7 @@ def shifted_start(scene: Scene, offset: Vector, joint: str | None = None) -> Sce
 
 
 def start_of(scene: Scene) -> AbstractStart:
-    """Return the scene's start, which joints with clearance cannot do without."""
+    """Return the scene's start, which joints with clearance need."""
     if scene.is_ideal:
         return Centred()
     if scene.start is None:

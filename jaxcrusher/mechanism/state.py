@@ -1,4 +1,4 @@
-"""What stands where in a state of a scene, and the instant that follows from its motion.
+"""The layout of a scene's state, and the instant that follows from its motion.
 
 A frame on supports has a state of its own here: its units, where it starts, and how it changes.
 """
@@ -42,7 +42,7 @@ class FrameState(Record):
 
 
 class Parts(NamedTuple):
-    """What every state tells as its `parts`, whatever coordinates it is written in."""
+    """The `parts` of any state, whatever its coordinates are."""
 
     eccentricities: Named[Vector]  # e / c of loose joints; none where the bodies' places tell them
     rates: Named[Vector]  # e' of the same joints, m/s
@@ -64,7 +64,7 @@ def unwound(state: PyTree[Scalar]) -> PyTree[Scalar]:
 
 
 def places_of(scene: Scene) -> Parts:
-    """Return the parts of a section point: in the stead of each number its place, from 0 on."""
+    """Return the parts of a section point, with its place, from 0 on, in place of each number."""
     shapes = eqx.filter_eval_shape(scene.formulation.initial, scene)
     leaves, structure = jax.tree.flatten(shapes)
     return jax.tree.unflatten(structure, range(len(leaves))).parts
@@ -85,8 +85,8 @@ def snapshot_of(
 ) -> Snapshot:
     """Return an instant of a scene: the forces of its motion, and the accelerations under them.
 
-    Every formulation comes here with its own way to solve its equations. Friction of slides follows
-    from what holds the bodies together: `solve` tells the reactions under any forces.
+    Every formulation passes its own `solve` of its equations. Friction of slides follows from the
+    reactions, which `solve` gives under any forces.
     """
     applied = acting(motion, scene.pushes, scene.springs, scene.supports)
     upright = Vector(0.0, -scene.linkage.gravity)
@@ -119,7 +119,7 @@ def contacts_of(scene: Scene, motion: Motion, memories: Named) -> Named[Contact]
 
 
 class FrameUnits(Record):
-    """Units of the coordinates of a frame: what its state is counted in."""
+    """Units of the coordinates in the state of a frame."""
 
     x: Scalar  # m
     y: Scalar  # m

@@ -167,7 +167,7 @@ def soil_under(
       with sqrt(G / rho).
     - `length`, `width`: sides of the base in the plane and across it, m.
     - `embedment`: depth of the base below the surface, m.
-    - `speed`: the circular frequency at which they are counted, rad/s.
+    - `speed`: the circular frequency at which springs and dampers hold, rad/s.
     """
     sides = jnp.asarray(length, float), jnp.asarray(width, float)
     along = sides[0] >= sides[1]  # the long side lies in the plane

@@ -1,7 +1,7 @@
-"""Which body hangs on which one: groups by which bodies are placed, trees of those held together.
+"""Which body hangs on which: groups to place bodies, and trees of bodies held together.
 
 It knows names alone. A joint is its name, the body of its bore and the body of its pin; a slide is
-the same, of the frame and its slider.
+its name, the frame and its slider.
 """
 
 import functools
@@ -99,9 +99,9 @@ def other_body(ends: Ends, joint: str, body: str) -> str:
 def groups_of(
     ends: Ends, slides: tuple[str, ...], bodies: tuple[str, ...], crank: str
 ) -> tuple[Dyad | Triad, ...]:
-    """Return the groups that bodies behind frame and crank are placed by, in their order.
+    """Return the groups that place the bodies behind frame and crank, in their order.
 
-    A triad is only where there is no dyad.
+    A triad is formed only where no dyad can be placed.
     """
     placed, left, found = {FRAME, crank}, [body for body in bodies if body != crank], []
     while left:

@@ -1,13 +1,13 @@
 """Where the middle body of a triad is: three lines that hold it, and Newton's method.
 
-A link holds a joint of the middle body at its length from where it hangs, a slide holds it on a
-line. With u from there to the joint and the unit vector n along the link, or across the slide, the
-two gaps are (u . u - l^2) / 2 l and n . u. The middle body's origin moves by v and it turns by w:
+A link holds a joint of the middle body at its length from a base; a slide holds the joint on a
+line. With u from the base to the joint and the unit vector n along the link, or across the slide,
+the gaps are (u . u - l^2) / 2 l and n . u. The middle body's origin moves by v and it turns by w:
 
     n . v + w (a x n) = -gap,    a from the origin to the joint, once for each of the three.
 
 They are lines of force, which hold the body unless they meet in one point, a dead point. There are
-up to six assemblies, and no closed form; one is followed from a guess at crank angle zero.
+up to six assemblies, without a closed form; a guess at crank angle zero selects the one to follow.
 """
 
 import abc
@@ -57,7 +57,7 @@ class Rod(AbstractHold):
         return (1 / self.length) * u
 
     def gap(self, u: Vector) -> Scalar:
-        """Return what is zero where u has the length."""
+        """Return (u . u - l^2) / 2 l, m."""
         return 0.5 * ((1 / self.length) * u.dot(u) - self.length)
 
 
@@ -139,10 +139,10 @@ class Spot(AbstractCourse):
     def placed(self, holds: Holds, angle: Scalar) -> "Spot":
         """Return where it is near this spot.
 
-        The error is squared by each step, and so are its derivatives' by each step that is
-        differentiated: of e, e' and e'' there are left e^2, 2 e e' and 2 (e'^2 + e e''). After the
-        steps without derivatives e is some 1e-8 of the size and e' is as large as the motion; two
-        more leave first and second derivatives to rounding, as by the implicit function theorem.
+        Each step squares the error e. A step that is differentiated also turns its derivatives e'
+        and e'' into 2 e e' and 2 (e'^2 + e e''). After the steps without derivatives e is some 1e-8
+        of the size and e' is as large as the motion; two more steps give first and second
+        derivatives to rounding, as by the implicit function theorem.
         """
         held, spot = jax.lax.stop_gradient((holds, self))
         for _ in range(SEARCHING):
@@ -178,7 +178,7 @@ class Spot(AbstractCourse):
 
 
 def size_squared(holds: Holds) -> Scalar:
-    """Return the squares of the distances of the first joint from the others, added, m2."""
+    """Return the sum of the squared distances of the first joint from the others, m2."""
     found = total((holds[0].arm - hold.arm).squared() for hold in holds[1:])
     assert found is not None, "not all joints lie in one point"
     return found
@@ -191,7 +191,7 @@ class Guess(AbstractCourse):
     angle: Scalar = eqx.field(converter=scalar)  # rad
 
     def placed(self, holds: Holds, angle: Scalar) -> Spot:
-        """Return where many steps from here lead."""
+        """Return the spot after many steps from this guess."""
         begin = Spot(self.place, direction(self.angle))
         # What comes back has the types of what goes in.
         found = jax.lax.fori_loop(0, SEEKING, lambda _, spot: spot.strode(holds), begin)

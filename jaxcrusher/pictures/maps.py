@@ -126,8 +126,8 @@ def plot_regimes(
 
     `kinds` has the names of `jaxcrusher.regime`, such as "periodic" or "chaotic", of the shape of
     its two dims, whose coordinates are in SI units. An empty name is a cell that is not known; it
-    stays grey. A legend names the kinds that occur. `units` are those of `plot_landscape`. A speed
-    across has rpm above.
+    stays grey. A legend names the kinds that occur. `units` are those of `plot_landscape`. A
+    horizontal axis of speed has rpm above.
 
     Raises ValueError for another name, for other than two dims, and for an axis of choices or of a
     single value.
@@ -189,6 +189,6 @@ def axes_of(dims: Iterable[Hashable]) -> tuple[str, str]:
 
 
 def label_axes(ax: Axes, across: str, up: str, units: Mapping[str, str]) -> None:
-    """Names and units of a map's numbers; what is not drawn is grey."""
+    """Label axes with a map's numbers and units; what is not drawn is grey."""
     (x, _), (y, _) = named(across, units), named(up, units)
     ax.set(xlabel=x, ylabel=y, facecolor="0.6")

@@ -295,7 +295,7 @@ def _seen(
 
 
 def places_of(linkage: Linkage, points: list[Point], angles: Float[Array, " n"]) -> np.ndarray:
-    """Return where points are at angles of the crank, without what clearances shift."""
+    """Return positions of points at angles of the crank, without the shifts by clearances."""
     return np.asarray(_seen(linkage, points, angles))
 
 

@@ -76,7 +76,7 @@ def pins_and_force(scene: Scene, seen: Mapping[str, ArrayLike] | Trajectory) -> 
 
 
 def entitle(figure: Figure, title: str) -> None:
-    """Put a title above all of a figure of `pins_and_force`, whose layout then comes to rest."""
+    """Put a title above a figure of `pins_and_force`, and settle its layout."""
     figure.suptitle(title)
     # Square axes have their size only when they are drawn, so a first layout is wrong.
     figure.draw_without_rendering()
@@ -136,8 +136,8 @@ def coincide(curves: Axes) -> bool:
 def plot_difference(curves: Axes, ax: Axes | None = None) -> Axes:
     """The first line of `curves` less the second one, forces in kN, as a line in N.
 
-    `ax` None is a narrow panel beneath `curves`, which makes room for it and shares its axis
-    across. It tells what `coincide` says that the eye cannot see.
+    `ax` None is a narrow panel beneath `curves`, which makes room for it and shares its horizontal
+    axis. It shows a difference that `coincide` finds too small to see.
 
     Raises ValueError for fewer than two lines, and for lines over different abscissae.
     """
@@ -171,7 +171,7 @@ def plot_phase(
     side: str = "x",
     section: Float[ArrayLike, "turns 2"] | None = None,
 ) -> Axes:
-    """The phase portrait of a pin: a side of its eccentricity in clearances, and its rate in mm/s.
+    """The phase portrait of a pin: x or y of its eccentricity in clearances, and its rate in mm/s.
 
     **Arguments:**
 

@@ -173,8 +173,8 @@ def plot_branch(
     - `statistic`: a column of its table; None is the RMS that it has. Forces are in kN.
     - `units`: names -> units of the parameter; without, those of `plot_landscape`.
 
-    A part that is dotted is "undecided": its largest multiplier is 1 within its error. Events lie
-    on the branch where its orbits have them; one that is only seen has its name in the legend.
+    A dotted part is "undecided": its largest multiplier is 1 within its error. A solved event is
+    drawn on the branch at its orbit; an event that is only seen has its name in the legend.
 
     Raises ValueError for a statistic that the table lacks.
     """

@@ -38,10 +38,10 @@ _NAME: dict[str, Any] = {"textcoords": "offset points", "fontweight": "bold", "f
 def draw_site(scene: Scene, points: Mapping[str, tuple[float, float]] = {}) -> Figure:
     """Return a sketch of the machine on its foundation with dimensions in mm.
 
-    The machine is to scale, the crank at +x. Of a block are known its supports and its mass centre
-    G, and its outline is drawn for the eye. Dimensions are from the origin of the scene's axes,
-    which a crusher has in its pivot C, to the shaft, to G or to the point that moments are counted
-    about, to the supports and to the named points (m).
+    The machine is to scale, the crank at +x. Of a block only the supports and the mass centre G are
+    known; its outline is drawn for the eye. Dimensions are from the origin of the scene's axes (the
+    pivot C of a crusher) to the shaft, to G or to the reference point of moments, to the supports
+    and to the named points (m).
     """
     fig, ax = plt.subplots(layout="constrained")
     reach = _draw_machine(scene, ax)

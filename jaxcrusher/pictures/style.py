@@ -56,7 +56,7 @@ def style(*, dark: bool = False) -> dict[Any, Any]:
 
 
 def in_kilo(unit: str) -> tuple[float, str]:
-    """Return how many of a unit are one of the unit that it is drawn in: of forces kN."""
+    """Return how many of a unit make one drawn unit, and the drawn unit: kN for forces."""
     return (1e3, "kN") if unit == "N" else (1.0, unit)
 
 
@@ -66,14 +66,14 @@ def typeset(words: str) -> str:
 
 
 def named(name: str, units: Mapping[str, str]) -> tuple[str, float]:
-    """Return the label of a machine's number, with its unit, and what one of that is in SI."""
+    """Return the label of a machine's number, with its unit, and the size of the unit in SI."""
     unit, size = unit_of(name, units)
     words = CALLED.get(name, in_words(name))
     return f"{words} ({unit})" if unit else words, size
 
 
 def over(ax: Axes, name: str, units: Mapping[str, str] | None = None) -> float:
-    """Label the axis across by a number of the machine, and return what its unit is in SI.
+    """Label the horizontal axis by a number of the machine, and return the size of its unit in SI.
 
     A speed has a second axis above: rpm, or rad/s where rpm are below.
     """

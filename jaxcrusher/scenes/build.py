@@ -101,21 +101,21 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     """The scene of a description; names that are missing take the paper's value.
 
     `values` maps names of `PARAMETERS` to scalars in SI units, which may be traced, and names of
-    `CHOICES` to one of theirs; those of `CHAMBER` are `build_chamber`'s. A number that only
-    `jax.jit` knows and that lies outside its limits becomes NaN, and the motion a failure. A
+    `CHOICES` to one of their options; names of `CHAMBER` belong to `build_chamber`. A number that
+    only `jax.jit` knows and that lies outside its limits becomes NaN, and the motion a failure. A
     friction of exactly 0 that is not traced leaves friction out. A law may be "module:Class", a
-    class of one's own, whose numbers are `contact.NAME`, `elbow.NAME`, `pivot.NAME`, or
-    `crushing.NAME` of a load. With an `elbow.clearance` B is loose, with a `pivot.clearance` C,
-    with a `shaft_bearing.clearance` O; their other numbers and choices stand by the same prefix.
-    With a `speed_fluctuation` the shaft turns unevenly.
-    With a `load_edge` a load of the closing stroke rises and falls over it. With
+    class of your own, whose numbers are `contact.NAME`, `elbow.NAME`, `pivot.NAME`, or
+    `crushing.NAME` of a load. Joint B is loose with an `elbow.clearance`, C with a
+    `pivot.clearance`, O with a `shaft_bearing.clearance`; their other numbers and choices have the
+    same prefix. With a `speed_fluctuation` the shaft turns unevenly.
+    With a `load_edge` a load of the closing stroke rises and falls over this angle. With
     `load_law="by_angle"` a `load_curve` is a CSV file or an array of shape (n, 2) of angles
-    (rad) and forces (N). A `load_scatter` makes any load that of a rough feed. With a
+    (rad) and forces (N). A `load_scatter` makes any load a rough feed. With a
     `foundation.mass` the frame stands on supports, without it is clamped. With a `rod.stiffness`
     or a `rod.preload` a tension rod pulls at the jaw. With `contact_law="rollers"` the main bearing
-    is a roller bearing of the numbers `rollers.NAME`, and what describes sliding steel (friction,
-    slip, restitution, elasticity) is not used. Numbers that are unlikely together, as of a speed in
-    rpm, are warned of once in a process for each of their values.
+    is a roller bearing of the numbers `rollers.NAME`, and numbers of sliding steel (friction,
+    slip, restitution, elasticity) are not used. Numbers that are unlikely together, such as a speed
+    given in rpm, raise one warning in a process for each of their values.
 
     Raises ValueError as `check_described`, `complete`, `Scene` and `require_crusher` do, the
     last one for all clearances at once.
@@ -151,7 +151,7 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
 def build_linkage(values: Mapping[str, Any]) -> Linkage:
     """The bodies and joints of a description, as in `build_scene`.
 
-    Names that are not theirs are passed over. Raises ValueError as `require_crusher` does.
+    Other names are ignored. Raises ValueError as `require_crusher` does.
     """
     v: dict[str, Any] = {**PE250X400, **values}
     linkage = _linkage({name: v[name] for name in _OF_LINKAGE})
@@ -181,9 +181,9 @@ def _linkage(v: dict[str, Any]) -> Linkage:
 
 
 def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
-    """The chamber of a description, its stroke from the links; differentiable by either.
+    """The chamber of a description, its stroke from the links; differentiable by both.
 
-    The paper's own has 2b - s = 60.6 mm to the last bit: what differs from it counts from there.
+    The paper's chamber has 2b - s = 60.6 mm exactly; other numbers change it by their difference.
     A number that only `jax.jit` knows and that lies outside its limits becomes NaN. Raises
     ValueError for known ones, as `build_linkage` does, and for a discharge opening that the stroke
     closes.
@@ -361,9 +361,9 @@ def _rod(values: Mapping[str, Any], linkage: Linkage) -> Spring | None:
 
 
 def friction_of(values: Mapping[str, Any], prefix: str) -> AbstractFriction | None:
-    """Return the friction of a joint or a slide, None without.
+    """Return the friction of a joint or a slide, None if it has none.
 
-    The speeds of its ramp are the law's own without theirs. Sliders have the slip of surfaces.
+    Speeds of the ramp that are missing are the law's defaults. Sliders have the slip of surfaces.
     """
     if not _differs(values.get(f"{prefix}friction", 0), 0):
         return None
@@ -513,9 +513,9 @@ def paper_scene(speed: ArrayLike, clearance: ArrayLike, **values: Value) -> Scen
 
 
 def ideal_scene(speed: ArrayLike, **values: Value) -> Scene:
-    """The paper's crusher without clearance: the floor that a clearance adds to.
+    """The paper's crusher without clearance: the reference for any clearance.
 
-    `speed` in rad/s, constant; `values` and what is raised as in `paper_scene`. The ideal twin of
+    `speed` in rad/s, constant; `values` and errors as in `paper_scene`. The ideal twin of
     any other scene is `scene.ideal()`.
     """
     return build_scene({"speed": speed, **values, "joint": "ideal"})
@@ -534,30 +534,30 @@ class Crusher(AbstractStructure):
         return complete(values)
 
     def scene(self, values: Mapping[str, Any]) -> Scene:
-        """Return `build_scene` of the values; raises as that does."""
+        """Return `build_scene` of the values, with its errors."""
         return build_scene(values)
 
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
-        """Return those of `jaxcrusher.scenes.parameters`, and of laws of one's own."""
+        """Return the numbers of `jaxcrusher.scenes.parameters`, and of your own laws."""
         laws = law_numbers(values)
         return {**NUMBERS, **laws} if laws else NUMBERS
 
     def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
-        """Return those of `jaxcrusher.scenes.parameters`."""
+        """Return the choices of `jaxcrusher.scenes.parameters`."""
         return CHOICES
 
     def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a file's values and those over them, with the eccentricity of a stroke.
+        """Return a file's values with overrides, and the eccentricity in place of a stroke.
 
-        It is found as `by_stroke` does, and raises as that does. An eccentricity or a stroke of
-        `over` stands in the place of either.
+        `by_stroke` finds the eccentricity and raises its errors. An eccentricity or a stroke in
+        `over` replaces either of them in the file.
         """
         throws = {"stroke", "shaft.eccentricity"}
         left = throws if throws & over.keys() else ()
         return by_stroke({n: v for n, v in given.items() if n not in left} | dict(over))
 
     def unusual(self, values: Mapping[str, Any]) -> list[str]:
-        """Return `remarks`; ValueError as they do, and for a chamber that cannot be."""
+        """Return `remarks`; ValueError as there, and for an impossible chamber."""
         build_chamber(values)
         return remarks(values)
 
@@ -600,7 +600,7 @@ class Crusher(AbstractStructure):
         }
 
     def idle(self, values: Mapping[str, Any]) -> set[str]:
-        """Return what the load sheet and the capacity alone need; a bed of rock is a chamber's."""
+        """Return names that only the load sheet and the capacity need; a bed needs the chamber."""
         rock = "chamber" in np.atleast_1d(values.get("load_law", ""))
         points = {name for name in values if name.startswith(POINTS)}
         return {*SITE, *(() if rock else CHAMBER), *points}
@@ -608,7 +608,7 @@ class Crusher(AbstractStructure):
     def beside(
         self, fixed: Mapping[str, Any], varied: Mapping[str, tuple[Any, ...]]
     ) -> dict[str, Any]:
-        """Return what every design of a grid has; not what comes with a choice that varies."""
+        """Return what all designs of a grid share, but nothing that a varied choice brings."""
         chosen = {f"{name}={value}" for name, values in varied.items() for value in values}
         found = super().beside(fixed, varied)
         return {n: v for n, v in found.items() if n in fixed or not chosen & {*openers(n)}}

@@ -23,7 +23,7 @@ def _say(verb: Callable[..., Any], instead: str) -> None:
 
 
 def axes_first(verb: Verb) -> Verb:
-    """Let a call begin with the axes; `base` and `scene` say of what."""
+    """Let a call begin with the axes; `base` and `scene` give the machine."""
 
     @functools.wraps(verb)
     def called(*args: Any, **settings: Any) -> Any:
@@ -65,7 +65,7 @@ def of_description(verb: Verb) -> Verb:
 
 
 def unnamed(*names: str) -> Callable[[Verb], Verb]:
-    """Let a call have a function of numbers without names in the place of a machine and names."""
+    """Let a function of numbers without names replace a machine and names in a call."""
 
     def wrapped(verb: Verb) -> Verb:
         @functools.wraps(verb)

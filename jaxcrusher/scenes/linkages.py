@@ -22,13 +22,13 @@ body = "slider"
 along = [1, 0]
 ```
 
-Besides there are `[forces.NAME]` (body, at, force; or curve and along; of a rough feed scatter,
+Further tables are `[forces.NAME]` (body, at, force; or curve and along; of a rough feed scatter,
 bandwidth and seed), `[springs.NAME]` (begin, end, stiffness, length, damping, preload), `[points]`
-of bodies or of a frame on supports, as sensors sit there, `[foundation]` as of a crusher, and
+of bodies or of a frame on supports, where sensors sit, `[foundation]` as of a crusher, and
 `[assembly]`: the side of each dyad, by one of its bodies. Two links meet to the left (1) or to the
-right (-1) of the line from the outer joint of the named one to the other's; a link and a slider
-meet ahead (1) or behind (-1) along the slide. Of a triad, a body that meets three others which hang
-on bodies before them, it says roughly where the one in the middle is at crank angle zero:
+right (-1) of the line from the outer joint of the named link to that of the other link; a link and
+a slider meet ahead (1) or behind (-1) along the slide. In a triad, a middle body meets three others
+that hang on bodies before them. For it the table gives a rough pose at crank angle zero:
 `coupler = ["300 mm", "0 mm", "10 deg"]`, the place of its origin and the angle of its x axis. Dyads
 and triads follow from the joints.
 Numbers are named by their place, as `joints.B.clearance` and `bodies.rod.mass_centre.x`.
@@ -111,10 +111,10 @@ NEEDED = object()
 class Key:
     """A key of a description: a number, the laws to choose from, or None for what ties bodies.
 
-    What is no single number or choice has a `shape`: a "pair" of numbers, a "point" (a body and a
-    pair), a "body" or a "curve". A key stands where one of `comes_with` is there, a key or a key
-    with its choice, and if `by_curve` is not None in tables with a curve alone, or without one. One
-    whose default is None may be left out.
+    A key for more than a number or choice has a `shape`: a "pair" of numbers, a "point" (a body and
+    a pair), a "body" or a "curve". A key needs one of `comes_with`: another key, or a key with its
+    choice. If `by_curve` is not None, the key is only for tables with a curve (True), or without
+    one (False). A key whose default is None may be left out.
     """
 
     of: Parameter | tuple[str, ...] | None
@@ -233,10 +233,10 @@ _NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
 
 @dataclass(frozen=True)
 class Drawing(AbstractStructure):
-    """Which bodies a linkage has and what ties them.
+    """The bodies of a linkage, and what ties them together.
 
-    The numbers and choices go by the names that they have in a file, in SI units. Two drawings of
-    one structure are equal, and share compiled programs.
+    The numbers and choices have the names of a file, and SI units. Two drawings of one
+    structure are equal, and share compiled programs.
     """
 
     crank: str
@@ -252,8 +252,8 @@ class Drawing(AbstractStructure):
         """Return the scene of these numbers, which may be traced.
 
         A number that only `jax.jit` knows and that lies outside its limits becomes NaN. Raises
-        ValueError as `complete` does, for a known one outside its limits, for an unknown choice,
-        and for links that do not close, whatever way the clearances let the pins move.
+        ValueError as `complete` does, for a known number outside its limits, for an unknown choice,
+        and for links that do not close with every position of the pins in their clearances.
         """
         v = self._within_limits(self.complete(values))
         bearings: dict[str, AbstractGap] = {
@@ -305,9 +305,9 @@ class Drawing(AbstractStructure):
     def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return numbers and choices, with the defaults of those that others bring along.
 
-        Raises ValueError of one line for a name that the linkage does not have, for one that stands
-        without what it belongs to, and for what is missing of the drive, of a body, of a spring, of
-        a loose joint or of supports.
+        Raises ValueError of one line for a name that the linkage does not have, for a name without
+        the one that it belongs to, and for a missing number of the drive, of a body, of a spring,
+        of a loose joint or of supports.
         """
         numbers, keys = self.numbers(values), self.keys
         for name in values:
@@ -333,12 +333,12 @@ class Drawing(AbstractStructure):
         return within_limits(values, numbers, pairs)
 
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
-        """Return those of its tables, and of the laws of one's own that the values name."""
+        """Return the numbers of its tables, and of your own laws that the values name."""
         own = {n: key.of for n, key in self.keys.items() if isinstance(key.of, Parameter)}
         return own | law_numbers(values, self.keys)
 
     def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
-        """Return those of the motion, and of loose joints."""
+        """Return the choices of the motion, and of loose joints."""
         return {n: key.of for n, key in self.keys.items() if isinstance(key.of, tuple)}
 
     def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -350,7 +350,7 @@ class Drawing(AbstractStructure):
         return {name: value for name, value in both.items() if value != 0 or name not in places}
 
     def unusual(self, values: Mapping[str, Any]) -> list[str]:
-        """Return what may be a slip of the frame, of gravity and of loose joints."""
+        """Return unlikely numbers of the frame, of gravity and of loose joints."""
         rules = [rule for name, *_ in self.joints for rule in rules_of_joint(f"joints.{name}.")]
         return remarks_by((*RULES_OF_FRAME, *rules), self.complete(values), self.numbers(values))
 
@@ -566,7 +566,7 @@ def drawn(
     """Return the drawing of a description, its numbers and choices, and which sides it leaves out.
 
     The numbers and choices are as they are written, each by its name. Raises ValueError of one line
-    for a key that is unknown, a body that there is not, and bodies that are no groups.
+    for an unknown key or body, and for bodies that form no dyads or triads.
     """
     tables = _Tables(entries, folder)
     bodies = tables.items["bodies"]
@@ -693,10 +693,10 @@ def _shifted(
 
 
 def require_closing(linkage: Linkage, clearances: Mapping[str, Any]) -> None:
-    """Raise ValueError for known numbers by which a group is open, or dead, at some degree.
+    """Raise ValueError for known numbers if a group opens, or is at a dead point, at some degree.
 
-    The pins of loose joints may be anywhere in their clearance meanwhile. So it is where a triad
-    does not come back to itself after a turn.
+    The pins of loose joints may be anywhere in their clearance. A triad must also come back to its
+    first pose after a turn.
     """
     if not is_concrete((linkage, clearances)):
         return

@@ -43,9 +43,9 @@ def load_curve(given: Any) -> PeriodicSpline | PeriodicSeries:
     """Return the spline through a curve: a CSV file, or an array (n, 2) of rad and N.
 
     A smooth curve through more than `MOST` known points is replaced by `ORDERS` orders of its
-    Fourier series, which meet them. The array may be traced. Raises ValueError for a file that
-    cannot be read, and for too few points, numbers that are not finite, angles outside a turn or
-    repeated, and two forces where the turn closes.
+    Fourier series, if the series meets them. The array may be traced. Raises ValueError for a file
+    that cannot be read, and for too few points, numbers that are not finite, angles outside a turn
+    or repeated, and two different forces at 0 and 360 degrees.
     """
     points = read_curve(given)
     shape = points.shape

@@ -20,16 +20,16 @@ from jaxcrusher.scenes.units import said
 
 
 class AbstractStructure(abc.ABC):
-    """What a machine is besides its numbers and choices; structures that are equal share programs.
+    """A machine without its numbers and choices; structures that are equal share programs.
 
     A subclass is a frozen dataclass whose fields can be hashed.
     """
 
     @abc.abstractmethod
     def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return numbers and choices with the defaults of those that they leave out.
+        """Return numbers and choices, with defaults for missing ones.
 
-        Raises ValueError of one line for a name that is unknown, or stands without what it comes
+        Raises ValueError of one line for an unknown name, for a name without the one that it comes
         with, and for a number that is missing.
         """
 
@@ -45,7 +45,7 @@ class AbstractStructure(abc.ABC):
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
         """Return unit, meaning and limits of the numbers that a machine with these values may have.
 
-        The values name laws of one's own, whose numbers are among them.
+        They include the numbers of your own laws that the values name.
         """
 
     def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
@@ -58,7 +58,7 @@ class AbstractStructure(abc.ABC):
         return {}
 
     def unusual(self, values: Mapping[str, Any]) -> list[str]:
-        """Return what may be a slip in numbers, a line each; ValueError for what cannot be."""
+        """Return unlikely numbers, a line each; ValueError for impossible ones."""
         return []
 
     def borrowed(self, given: Mapping[str, Any]) -> list[str]:
@@ -66,7 +66,7 @@ class AbstractStructure(abc.ABC):
         return []
 
     def left_open(self, machine: "Machine") -> list[str]:
-        """Return what a file leaves open, a sentence each, to go on with the file's name."""
+        """Return what a file leaves open, a sentence each, to be printed after the file's name."""
         return []
 
     def about(self, machine: "Machine") -> dict[str, str]:
@@ -80,7 +80,7 @@ class AbstractStructure(abc.ABC):
     def beside(
         self, fixed: Mapping[str, Any], varied: Mapping[str, tuple[Any, ...]]
     ) -> dict[str, Any]:
-        """Return what every design of a grid has besides what varies, with defaults."""
+        """Return the values that all designs of a grid share, with defaults."""
         first = {name: values[0] for name, values in varied.items()}
         return {n: v for n, v in self.complete({**fixed, **first}).items() if n not in varied}
 
@@ -108,12 +108,12 @@ class OwnFunction(AbstractStructure):
         return self.function(**values)
 
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
-        """Return those of the package that have these names."""
+        """Return the numbers of the package that have these names."""
         return {name: NUMBERS[name] for name in values if name in NUMBERS}
 
 
 def plain(value: Any) -> float | str | tuple:
-    """Return a value as programs are kept by it: a number, a text, or a curve as its points."""
+    """Return a value as a key of stored programs: a number, a text, or a curve as its points."""
     if isinstance(value, str | Path):
         return str(value)
     array = np.asarray(value, float)
@@ -142,12 +142,12 @@ class Family:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Machine(Told):
-    """A structure with its numbers and choices: what a file describes, and what is computed with.
+    """A structure with its numbers and choices, as a file describes it.
 
-    `machine.scene()` is its scene, `machine.scene(speed=300.0)` that of other numbers, which may be
-    traced, and `machine.replace(start="contact")` another machine. `given` are the numbers (SI
-    units) and choices that were given; `written` has the units that they were written in, by name,
-    and `defaults` names of those that a file left open.
+    `machine.scene()` is its scene, `machine.scene(speed=300.0)` the scene of other numbers, which
+    may be traced, and `machine.replace(start="contact")` another machine. `given` are the numbers
+    (SI units) and choices that were given; `written` has the units that they were written in, by
+    name, and `defaults` the names of numbers that a file left open.
     """
 
     structure: AbstractStructure
@@ -194,14 +194,14 @@ class Machine(Told):
         return self.scene()._picture()
 
     def scene(self, **values: Any) -> Scene:
-        """Return the scene of these numbers and choices, and of the machine's own for the others.
+        """Return the scene of these numbers and choices; all others are the machine's own.
 
         Raises ValueError of one line for an unknown name and for what is outside its limits.
         """
         return self.structure.scene({**self.given, **values})
 
     def unusual(self) -> list[str]:
-        """Return what may be a slip in its numbers, a line each; ValueError for what cannot be."""
+        """Return its unlikely numbers, a line each; ValueError for impossible ones."""
         return self.structure.unusual(self.values)
 
     def require_possible(self, axes: Mapping[str, Sequence[Any]]) -> None:
@@ -211,7 +211,7 @@ class Machine(Told):
                 self.replace(**{name: end}).unusual()
 
     def over(self, *names: str) -> Family:
-        """Return its scenes as a function of some numbers, whatever values these have in it.
+        """Return its scenes as a function of some numbers, whose own values do not matter.
 
         Raises ValueError for a name that it does not have.
         """
@@ -238,7 +238,7 @@ class Machine(Told):
 
 
 def machine_of(machine: Machine | Callable[..., Scene]) -> Machine:
-    """Return a machine, or the one whose scenes a plain function makes of numbers by name.
+    """Return a machine; a plain function of named numbers that makes scenes becomes one.
 
     Raises ValueError for anything else.
     """

@@ -1,13 +1,13 @@
-"""Laws of one's own, named `module:Class` in a description.
+"""Laws of your own, named `module:Class` in a description.
 
-A law is an Equinox module in a file of the user's. Each of its fields is a number of the
+A law is an Equinox module in your file. Each of its fields is a number of the
 description, with the SI unit of the field's metadata:
 
     stiffness: Scalar = eqx.field(converter=scalar, metadata={"unit": "N/m"})
 
-What a joint knows (`stiffness`, `restitution`, `impact_velocity`, `width`, `clearance` and
-`modulus` of a normal force, `slip` and `coefficient` of friction) it gives to fields of these
-names. A `contact_law` may also be a whole bearing, which gets `bore_radius` and `norm_width` too.
+A joint fills fields of these names: `stiffness`, `restitution`, `impact_velocity`, `width`,
+`clearance` and `modulus` of a normal force, `slip` and `coefficient` of friction. A `contact_law`
+may also be a whole bearing, which gets `bore_radius` and `norm_width` too.
 """
 
 import ast
@@ -59,8 +59,8 @@ def is_own(name: str, value: Any) -> bool:
 def law_class(name: str, text: str, folder: Path = Path()) -> type[eqx.Module]:
     """Return the class of a law.
 
-    Its module is looked for where Python looks, and then in `folder`. Raises ValueError of one line
-    for a module or a class that is not there, and for a class of another kind.
+    Its module is searched on Python's path, and then in `folder`. Raises ValueError of one line
+    for a missing module or class, and for a class of another kind.
     """
     module, _, of = text.partition(":")
     kinds, _ = _KINDS[name.rpartition(".")[2]]
@@ -95,10 +95,11 @@ def _imported(module: str, folder: Path) -> Any:
 
 
 def law_numbers(values: Mapping[str, Any], known: Container[str] = NUMBERS) -> dict[str, Parameter]:
-    """Return the numbers, by name, of the laws of one's own that a description chooses.
+    """Return the numbers, by name, of your own laws that a description chooses.
 
-    A choice may be a row of several. What is `known` already is left out, as elbow.restitution.
-    Raises ValueError as `law_class` does, and for a field whose unit is none of the SI.
+    A choice may be a row of several laws. Numbers that are `known` already, such as
+    elbow.restitution, are left out. Raises ValueError as `law_class` does, and for a field whose
+    unit is not an SI unit.
     """
     return {
         key: _number(key, field, text)
@@ -127,10 +128,10 @@ def _number(name: str, field: dataclasses.Field, text: str) -> Parameter:
 
 
 def check_described(values: Mapping[str, Any]) -> Mapping[str, Parameter]:
-    """Check a crusher's description, whose laws may be one's own, and return what numbers it knows.
+    """Check a crusher's description, which may name your own laws, and return the known numbers.
 
-    Numbers are scalars or arrays; what is known only to `jax.jit` passes (see `within_limits`).
-    What a file holds is checked when it is read, and where a point is when a scene is made. Raises
+    Numbers are scalars or arrays; a number known only to `jax.jit` passes (see `within_limits`).
+    Contents of files are checked when they are read, and points when a scene is made. Raises
     ValueError for an unknown name, a number outside its limits, an unknown choice, and a number
     that two laws of one joint would take.
     """
@@ -160,7 +161,7 @@ def require_one_law_each(values: Mapping[str, Any], laws: Mapping[str, Parameter
 
 
 def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> Any:
-    """Return the law, of the description's numbers and of what the joint knows.
+    """Return the law, with the description's numbers and those that the joint knows.
 
     Raises ValueError for a field that has neither a number nor a default.
     """
@@ -180,9 +181,9 @@ def built(name: str, text: str, values: Mapping[str, Any], **known: Any) -> Any:
 
 
 def with_digests(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a description in which laws and files of one's own have a digest of their content.
+    """Return a description in which your own laws and files have a digest of their content.
 
-    Results are kept by it: a law or a curve that changed makes another description.
+    The digest identifies results: a changed law or curve makes another description.
     """
     told = dict(values)
     for name, value in values.items():

@@ -400,10 +400,10 @@ _DEFAULTS: dict[str, float | str] = {
 
 
 def openers(name: str) -> tuple[str, ...]:
-    """Return what a description must have one of to have this name; none: it always has.
+    """Return the names of which a description needs one to have this name, if it needs any.
 
-    It is a name, or the choice of a law as "load_law=by_angle". The numbers of B, C and O come with
-    their clearance.
+    Each is a name, or the choice of a law as "load_law=by_angle". The numbers of joints B, C and O
+    come with their clearance.
     """
     head, dot, _ = name.partition(".")
     return _OPENERS.get(name) or _OPENERS.get(head + dot, ())
@@ -434,10 +434,10 @@ def filled(
 ) -> dict[str, Any]:
     """Return values with the default of each name that they lack, if one of its openers is there.
 
-    An opener is a name, or a name with a choice; what has no openers is always there. A name whose
-    default is None may be left out. One that has no default has its `Parameter` there.
+    An opener is a name, or a name with a choice; a name without openers is always there. A name
+    whose default is None may be left out. A name that has no default has its `Parameter` instead.
 
-    Raises ValueError for a name without any of its openers, and for one that has no default.
+    Raises ValueError for a name without any of its openers, and for a missing one without default.
     """
     there = {*values, *(f"{name}={v}" for name, v in values.items() if isinstance(v, str))}
 
@@ -461,7 +461,7 @@ def filled(
 def numbers_of(values: Mapping[str, Any], numbers: Mapping[str, Parameter] = NUMBERS) -> list[str]:
     """Return the names of numbers that the motion has slopes by, in the order of `numbers`.
 
-    Those of the chamber are among them where it is the load: a bed of rock.
+    The chamber's numbers are among them only if the load is its bed of rock.
     """
     none = () if values.get("load_law") == "chamber" else CHAMBER
     known = (name for name in numbers if name in values and name not in none)
@@ -469,7 +469,7 @@ def numbers_of(values: Mapping[str, Any], numbers: Mapping[str, Parameter] = NUM
 
 
 def refuse_others(name: str) -> None:
-    """ValueError for a name that no crusher is described by: a linkage's, or a search's."""
+    """Raise ValueError for a name that belongs to a linkage or a search, not to a crusher."""
     require(not name.startswith(OF_LINKAGES), name, "be of a linkage", "of a crusher")
     must = "be given as counterweight.mass and counterweight.angle"
     require(name not in MOMENTS, name, must, "a moment, which a design search alone has")
@@ -483,9 +483,9 @@ def within_limits(
     """The same description, with NaN for every traced number that lies outside its limits.
 
     A check cannot raise an error for a value that only `jax.jit` will know. NaN makes the motion
-    a failure, in place of a number that means nothing. Where a number has its limit in another
-    one, what is checked of known ones where they are used is checked here of traced ones: `pairs`
-    are a number, how it must compare, and the other one.
+    a failure, in place of a number that means nothing. Each of `pairs` limits a number by another
+    one: the number, the comparison, and the other number. Known pairs are checked where they are
+    used, and traced pairs here.
     """
     limited = dict(values)
     for name, value in values.items():
@@ -507,7 +507,7 @@ def _is_within(parameter: Parameter, value: Any) -> Any:
 
 
 def check_number(name: str, value: ArrayLike, numbers: Mapping[str, Parameter] = NUMBERS) -> None:
-    """ValueError if a parameter's value is no number, scalar or array, or outside its limits."""
+    """Raise ValueError if a value is no number, scalar or array, or outside its limits."""
     parameter = numbers[name]
     if value is None or isinstance(value, str | list | tuple):
         law = _LAW_OF.get(name)

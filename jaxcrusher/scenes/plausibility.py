@@ -1,8 +1,8 @@
-"""Whether the numbers of a crusher can be meant: ratios that a slip of units throws far off.
+"""Whether a crusher's numbers are plausible: ratios that are far off after a mistake in units.
 
 A clearance of 100 mm in a bore of 130 mm, or a jaw of 0.5 kg, has a unit and lies inside its
-limits, and is a slip all the same. So is a throw in the place of an eccentricity, and a diameter in
-that of a radius.
+limits, but is still a mistake. So is a throw given as an eccentricity, and a diameter given as a
+radius.
 """
 
 import operator
@@ -33,7 +33,7 @@ STANDARD_GRAVITY = 9.80665  # m/s2
 
 @dataclass(frozen=True)
 class Ratio:
-    """A number that crushers have alike, small and large: where it usually lies, and where it can.
+    """A ratio that is alike in small and large crushers, with its usual and its possible range.
 
     `ratio` takes the numbers named `of`, in SI units. Without `words` it is called by these names.
     """
@@ -365,8 +365,8 @@ def _of_crusher(values: Mapping[str, Any]) -> tuple[list[Ratio], dict[str, Any]]
 def remarks(values: Mapping[str, Any]) -> list[str]:
     """Say what is unusual in a description, a line each, with the usual range and its source.
 
-    `values` as in `jaxcrusher.build_scene`; a ratio of traced numbers is passed over. Raises
-    ValueError for what cannot be.
+    `values` as in `jaxcrusher.build_scene`; a ratio of traced numbers is left out. Raises
+    ValueError for impossible numbers.
     """
     return remarks_by(*_of_crusher(values), NUMBERS)
 
@@ -374,7 +374,7 @@ def remarks(values: Mapping[str, Any]) -> list[str]:
 def remarks_by(
     rules: Iterable[Ratio], values: Mapping[str, Any], known: Mapping[str, Parameter]
 ) -> list[str]:
-    """Say what `remarks` does, by some ratios of the numbers of any machine, which are `known`."""
+    """Return the remarks of any machine by given ratios; `known` describes its numbers."""
     lines = []
     for rule, said, given, possible in _unusual(rules, values, known):
         if not possible:
@@ -384,7 +384,7 @@ def remarks_by(
 
 
 def warn_of_unusual(values: Mapping[str, Any]) -> None:
-    """Warn of what is unusual or cannot be in a description, once in a process of each value."""
+    """Warn of unusual or impossible numbers of a description, once in a process for each value."""
     for _, said, given, _ in _unusual(*_of_crusher(values), NUMBERS):
         text = f"{said}: is {given} meant?"
         warn_once(text, text, UnusualNumbers)

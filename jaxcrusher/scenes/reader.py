@@ -11,9 +11,9 @@ mass = "524 kg"
 ```
 
 Keys and tables are the names of `PARAMETERS`, `CHAMBER` and `CHOICES` of
-`jaxcrusher.scenes.parameters`, of which one that is missing takes the paper's value; with
+`jaxcrusher.scenes.parameters`; a missing key takes the paper's value. With
 `kind = "linkage"` they are those of `jaxcrusher.scenes.linkages`. A bare number is refused where a
-unit could be meant: 0.10 may be millimetres to the one who writes it, and 250 rpm.
+unit could be meant: its author may mean 0.10 in millimetres, and 250 in rpm.
 
 A description goes through the same steps whatever it describes: entries by their names, what ties
 the machine together, units, unknown keys, what comes with what, limits, and whether links close.
@@ -67,9 +67,9 @@ Number = Callable[[str, str, Any], Any]
 def read_machine(path: Path | str | None, overrides: Sequence[tuple[str, str]] = ()) -> Machine:
     """Return the machine of a TOML file, a crusher or, with `kind = "linkage"`, any linkage.
 
-    `overrides` are names with texts that stand in the place of the file's. With no file they are of
-    the paper's crusher. Raises ValueError of one line, with the file and the key, for what cannot
-    be read or built.
+    `overrides` are names with texts that replace the file's. With no file they change the paper's
+    crusher. Raises ValueError of one line, with the file and the key, for a machine that cannot be
+    read or built.
     """
     path = None if path is None else Path(path)
     found = _read(() if path is None else read_entries(path), path, overrides, number_in)
@@ -117,12 +117,13 @@ def read_scene_file(
 ) -> dict[str, Any]:
     """The values for `jaxcrusher.build_scene` in a crusher's TOML file, numbers in SI units.
 
-    `overrides` as of `--set` stand in place of the file's. Its stroke is that of the links with
-    them, unless a stroke or an eccentricity is among them. Without a file they are all.
+    `overrides`, as of `--set`, replace the file's values. The file's stroke is
+    that of the overridden links, unless a stroke or an eccentricity is overridden. Without a file
+    the overrides are all values.
 
     Raises ValueError of one line, with the file and the key, for a file that cannot be read or is
     not TOML, a key that is unknown, a wrong type or unit, a missing unit, a number outside its
-    limits, and an unknown choice. Whether the values make a crusher together, `build_scene` says.
+    limits, and an unknown choice. `build_scene` checks whether the values together make a crusher.
     """
     path = None if path is None else Path(path)
     entries = () if path is None else read_entries(path)
@@ -130,9 +131,9 @@ def read_scene_file(
 
 
 def kind_of(path: Path | None) -> str:
-    """Return the `kind` of a scene file, a crusher's where it says none.
+    """Return the `kind` of a scene file; without one it is a crusher's.
 
-    Raises ValueError for another one.
+    Raises ValueError for an unknown kind.
     """
     kind = dict(() if path is None else read_entries(path)).get("kind", KINDS[0])
     with naming(path):
@@ -293,9 +294,9 @@ def read_overrides(
 
 
 def read_range(name: str, low: str, high: str, machine: Machine = PAPER) -> tuple[float, float]:
-    """A lowest and a highest value; a lowest one without a unit has the other's.
+    """Return a lowest and a highest value; a lowest one without a unit has the other's.
 
-    Those of a diameter are halved. Raises ValueError as `read_scene_file` does, and for a choice.
+    Diameters are halved. Raises ValueError as `read_scene_file` does, and for a choice.
     """
     require_parameter(_key(name, machine), machine)
     if re.fullmatch(NUMBER, low.strip()):
@@ -316,7 +317,7 @@ def read_bulk_density(written: str | None) -> float | None:
 
 
 def require_parameter(name: str, machine: Machine = PAPER) -> None:
-    """ValueError, with near misses, for a name that is none of a machine's numbers."""
+    """Raise ValueError, with similar names, for a name that is no number of a machine."""
     if name in machine.choices:
         raise ValueError(f"Argument `{name}` must be a number's key, but is a choice's.")
     if name not in machine.numbers:
@@ -325,7 +326,7 @@ def require_parameter(name: str, machine: Machine = PAPER) -> None:
 
 
 def require_moving(argument: str, name: str, machine: Machine = PAPER) -> None:
-    """ValueError, of the `argument`, for a name that is no number of the motion."""
+    """Raise ValueError, with the `argument`, for a name that is no number of the motion."""
     key = _key(name, machine)
     require(key == name, argument, f"name the radius, {key}", name)
     require_parameter(name, machine)
@@ -335,7 +336,7 @@ def require_moving(argument: str, name: str, machine: Machine = PAPER) -> None:
 
 
 def require_continuous(argument: str, name: str, machine: Machine = PAPER) -> None:
-    """ValueError, of the `argument`, for a name that is no number that motions have slopes by."""
+    """Raise ValueError, with the `argument`, for a name that motions have no slopes by."""
     require_moving(argument, name, machine)
     must = "name a number that may vary continuously"
     require(not machine.numbers[name].whole, argument, must, name)
@@ -355,10 +356,10 @@ def flattened(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, An
 
 @contextmanager
 def naming(path: Path | None, given: Iterable[str] = NUMBERS) -> Iterator[None]:
-    """Let refusals begin with the file that a description is from.
+    """Let errors begin with the file that a description is from.
 
-    They name those of their numbers that are not among the `given` ones, and so the PE250x400's.
-    Without `given` all numbers are.
+    An error also names those of its numbers that are not `given`, and so are the PE250x400's.
+    Without `given` all numbers count as given.
     """
     try:
         yield

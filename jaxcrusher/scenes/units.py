@@ -1,7 +1,7 @@
-"""Quantities with their unit, as they are read and as they are told: mm in, mm out.
+"""Quantities with their unit, as they are read and as they are printed: mm in, mm out.
 
 `units` maps the name of a number to its unit as it was written; a name that it lacks has the unit
-that drawings have: mm, degrees, GPa, and what else is SI.
+of drawings: mm, degrees, GPa, and SI units for all others.
 """
 
 import re
@@ -60,9 +60,9 @@ _EXPONENT = re.compile(r"(?<=[^\W\d_])(-?\d)")
 
 
 def typed_in(unit: str, name: str, text: str) -> float:
-    """Return what `quantity_in` does, of a command line: there a number of no unit has no quotes.
+    """Return `quantity_in` of a command line, where a number without a unit has no quotes.
 
-    Raises ValueError as that does.
+    Raises ValueError as `quantity_in` does.
     """
     if unit == "1" and re.fullmatch(NUMBER, text.strip()):
         return float(text)
@@ -168,7 +168,7 @@ def _no_unit() -> tuple[type[Exception], ...]:
 
 
 def parse_unit(text: str) -> "pint.Unit":
-    """Return the unit of a text such as "kg m2"; "1" is that of a number without one."""
+    """Return the unit of a text such as "kg m2"; "1" means a number without a unit."""
     if text == "1":
         return _registry().dimensionless
     if not _UNIT.fullmatch(text):
@@ -258,7 +258,7 @@ def unit_of(name: str, units: Mapping[str, str]) -> tuple[str, float]:
 
 
 def size_of(unit: str) -> float | None:
-    """Return what one of a unit is in SI units; None for an unknown one, and for a bare number."""
+    """Return the size of a unit in SI units; None for an unknown unit, and for a bare number."""
     try:
         size = _registry().Quantity(Decimal(1), parse_unit(unit)).to_base_units()
     except _no_unit():

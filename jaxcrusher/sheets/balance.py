@@ -7,10 +7,10 @@ of constant size that turn: one with the crank and one against it,
 
 The tip goes round an ellipse with the semi-axes |P| + |N| and ||P| - |N||. A mass m at the radius r
 from the crank's bearing, ahead of the crank's x axis by psi, adds m r omega^2 e^(i (theta + psi)),
-which turns with the crank. So it changes P alone, and P = 0 leaves the least: of the RMS, of the
-largest force, and |N| is the same in all directions. Of a slider-crank |N| is that of half the mass
-that moves to and fro, the usual rule. P = -conj(N) leaves nothing horizontally and 2 |N|
-vertically, P = conj(N) the other way round. No mass on the crank changes the other orders.
+which turns with the crank. So it changes P alone. P = 0 leaves the least RMS and the least largest
+force, which is |N| in all directions. For a slider-crank |N| is the force of half the reciprocating
+mass, the usual rule. P = -conj(N) leaves nothing horizontally and 2 |N| vertically, P = conj(N) the
+other way round. No mass on the crank changes the other orders.
 """
 
 import cmath
@@ -40,7 +40,7 @@ class Ellipse:
 
     @classmethod
     def of(cls, amplitudes: Complex[np.ndarray, "2"]) -> "Ellipse":
-        """Return that of the complex amplitudes (N) of its horizontal and vertical component."""
+        """Return the ellipse of complex amplitudes (N) of the horizontal and vertical component."""
         x, y = map(complex, amplitudes)
         return cls((x + 1j * y) / 2, (x.conjugate() + 1j * y.conjugate()) / 2)
 
@@ -58,7 +58,7 @@ class Ellipse:
 
 @dataclass(frozen=True)
 class Balance:
-    """The first two orders of the shaking force, and what a mass on the crank makes of the first.
+    """The first two orders of the shaking force, and the effect of a mass on the crank.
 
     First moments of masses (kg m) are complex numbers: their size is mass times radius, and their
     angle is ahead of the crank's x axis, which is the line O-A of a crusher.
@@ -74,7 +74,7 @@ class Balance:
 
     @property
     def moments(self) -> dict[str, complex]:
-        """Return the first moment to add to the crank, by what it leaves the least of."""
+        """Return the first moments to add to the crank, each by the directions that it balances."""
         against = self.first.backward.conjugate()
         goals = {"in all directions": 0j, "horizontally": -against, "vertically": against}
         return {way: (goal - self.first.forward) / self.speed**2 for way, goal in goals.items()}

@@ -55,10 +55,10 @@ COLUMNS = {
 
 
 def bearings_of(scene: Scene, joint: str | None = None) -> tuple[str, ...]:
-    """Return the joints that a sheet is of: the one looked at, the crank's own, and loose ones.
+    """Return the joints of a sheet: the one looked at, the crank's bearing, and loose joints.
 
-    The first is the named one, which may be ideal, or that whose results have no prefix, or the
-    only loose one; slides have none. Raises ValueError where there is none of them.
+    The first is the named joint, which may be ideal, or the joint whose results have no prefix, or
+    the only loose joint. Slides are left out. Raises ValueError if there is no first joint.
     """
     only = scene.bearings.names[0] if len(scene.bearings) == 1 else None
     first = joint or scene.template.first or only or scene.joint_looked_at()
@@ -153,9 +153,9 @@ def bearing_sheet(
 ) -> dict[str, dict[str, tuple[float, float]]]:
     """Return the numbers of each bearing of a run, by joint and name, each with its scatter.
 
-    The `turns` hold the `outputs_of` their scene and joint. Of a bearing of several side by side,
-    life, safety and pressure are those of one of them. Sliding surfaces have a `wear` with what
-    wears them.
+    The `turns` hold the `outputs_of` their scene and joint. For several bearings side by side,
+    life, safety and pressure are those of one bearing. Sliding surfaces have a wear if `wear` is
+    given.
     """
     return {one: _of_joint(turns, one, wear) for one in bearings_of(turns.scene, joint)}
 

@@ -79,8 +79,8 @@ def feed_response(orbit: PeriodicOrbit) -> FeedResponse:
 
     Floquet's modes (`jaxcrusher.periodic.random_forcing`) give the covariance of the
     motion by angle, and Rice's formula how often the elastic force at a joint crosses zero. That
-    force, and not the penetration, is near to linear in the load. Infinitely many cosines stand for
-    the feed's, so that it is the mean over seeds.
+    force, unlike the penetration, is nearly linear in the load. The feed is taken to have
+    infinitely many cosines, so that the response is the mean over seeds.
 
     **Arguments:**
 

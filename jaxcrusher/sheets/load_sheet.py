@@ -69,12 +69,12 @@ class Site:
 class Row:
     """A number of the sheet.
 
-    `order` is that of a harmonic, or says whether it is the RMS, the peak or the like, or is empty.
-    The `scatter` of a harmonic or an RMS is its standard error, that of a peak the standard
+    `order` is the order of a harmonic, or says that the number is an RMS, a peak or the like, or is
+    empty. The `scatter` of a harmonic or an RMS is its standard error, that of a peak the standard
     deviation of the turns' peaks. `ideal` is the number with ideal joints. `lowest` and `highest`
-    are those of the same machine with other numbers of what is assumed. `softer` and `stiffer` are
-    those with ideal joints on soil of half and of one and a half times the shear modulus. Of what
-    has none of these they are empty.
+    are the range over other assumed numbers of the same machine. `softer` and `stiffer` are the
+    numbers with ideal joints on soil of half and of one and a half times the shear modulus. Columns
+    that do not apply are empty.
     """
 
     part: str
@@ -119,7 +119,7 @@ def quantities_of(scene: Scene) -> dict[str, Observable]:
 
 
 def outputs_of(scene: Scene) -> Chosen:
-    """Return what a sheet asks of each turn of a run: all that it looks at, and forces' ends."""
+    """Return what a sheet needs of each turn of a run: its quantities, and extremes of forces."""
     ends = tuple(
         (f"{which} {name}", Statistic(unit, f"{which} {name}", OfPart(_now, name), how))
         for name, (unit, _) in _forces(scene).items()
@@ -208,9 +208,9 @@ def between(rows: Sequence[Row], others: Sequence[Sequence[Row]]) -> list[Row]:
 
 
 def moving_rms(turns: Turns) -> dict[str, Float[np.ndarray, " pieces"]]:
-    """Return each piece's RMS of what moves, N: of the exciting force, and of that on the ground.
+    """Return the RMS in each piece of the moving exciting and transmitted force, N.
 
-    That on the ground is there where the frame stands on supports.
+    The transmitted force is there only if the frame stands on supports.
     """
     found = {"exciting_rms": list(_curves(turns, _on_frame(turns.scene)).values())[:2]}
     if turns.scene.supports is not None:
@@ -225,7 +225,7 @@ def loses_contact(turns: Turns) -> bool:
 
 
 def knocks(turns: Turns, rows: Sequence[Row], orders: int) -> str:
-    """Say what knocks of a machine that loses contact come to, with its block or without one."""
+    """Say what the knocks after a loss of contact amount to, with a block or without one."""
     if turns.scene.supports is None:
         return (
             "the frame is clamped, and what knocks exert stands here whole; a block filters them, "
@@ -333,7 +333,7 @@ def _carried() -> Forces:
 
 
 def static_loads(turns: Turns, site: Site) -> list[Row]:
-    """Return the static loads, and those that stand for what moves by a dynamic factor."""
+    """Return the static loads, and static loads equivalent to moving forces by a dynamic factor."""
     scene, frame = turns.scene, site.frame_mass
     clamped = scene.supports is None
     curves = _curves(turns, _on_frame(scene) if clamped else _carried())
@@ -497,7 +497,7 @@ class Meeting(NamedTuple):
 
     @property
     def words(self) -> str:
-        """Say where it lies, and what comes of it."""
+        """Say where the mode lies, and its effect."""
         return (
             f"{self.times:.2f} times order {self.order:g}, amplified {self.amplification:.2f} "
             f"times, {100 * self.share:.2g} % of the RMS speed"

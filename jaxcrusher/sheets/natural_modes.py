@@ -93,7 +93,7 @@ def linearised(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def amplification(ratio: float, damping_ratio: float) -> float:
-    """Return how many times as far as by a steady force a mode moves by one that oscillates.
+    """Return the amplitude of a mode under an oscillating force over its static displacement.
 
     `ratio` is the frequency of the force over the natural frequency: 1 / |1 - ratio^2 + 2 i zeta
     ratio| (Clough and Penzien, Dynamics of Structures, chapter 3).
@@ -108,7 +108,7 @@ def shares_of_energy(
 ) -> Float[np.ndarray, "modes orders"]:
     """Return the share of the block's kinetic energy that each mode has at each frequency.
 
-    The block is linear, its dampers couple the modes as they do, and the energies of the modes of
+    The block is linear, the coupling of modes by dampers is kept, and the energies of the modes of
     M q'' + K q = 0 add up to the whole. A block that nothing moves has no shares: all are zero.
 
     **Arguments:**

@@ -33,7 +33,7 @@ COUNTS = 0.1
 
 
 def group(power: float | None) -> int:
-    """Return the group of machines by the motor's power (W); without one the second."""
+    """Return the group of machines by the motor's power (W); None means group 2."""
     return 1 if power is not None and power > LARGE_POWER else 2
 
 
@@ -50,7 +50,7 @@ def outside_scope(running: float, power: float | None) -> str:
 def zone(kind: str, quantity: str, value: float, machines: int = 2) -> str:
     """Return the zone of an RMS (mm/s or um) on a rigid or flexible support, by group.
 
-    Raises ValueError for an unknown kind or quantity, and for what is no RMS.
+    Raises ValueError for an unknown kind or quantity, and for a value that is no RMS.
     """
     kinds = ZONES[machines]
     require_choice("kind", kind, tuple(kinds))
@@ -68,7 +68,7 @@ def share(kind: str, quantity: str, value: float, machines: int = 2) -> float:
 def support_kind(modes: xr.Dataset, running: float, arm: np.ndarray, axis: str) -> str:
     """Say whether the standard calls the supports rigid or flexible in a direction, "x" or "y".
 
-    `arm` (m) is from G to where is measured, `running` in Hz.
+    `arm` (m) is from G to the measuring point, `running` in Hz.
     """
     x, y, turned = modes["shape"].values.T
     moved = {"x": x - arm[1] * turned, "y": y + arm[0] * turned}[axis] ** 2

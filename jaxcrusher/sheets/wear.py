@@ -2,14 +2,14 @@
 
 Where surfaces slide at v under a pressure p, each loses the depth k p |v| a second (Archard, J.
 Appl. Phys. 24, 1953). Along a bore of width L and radius R the pressure of a normal force F_n is
-Hertz's ellipse of the half-width a, so that a sector from x = l to x = u of it, in a, takes the
-share C(u) - C(l) of the volume k F_n |v| that is worn off a second,
+Hertz's ellipse of the half-width a. So a sector from x = l to x = u, in units of a, takes the share
+C(u) - C(l) of the volume k F_n |v| that is worn off a second,
 
     C(x) = 1/2 + (x sqrt(1 - x^2) + asin x) / pi.
 
-The volume of a turn over 2 pi R L is the mean depth. The clearance grows by that of bore and pin.
-Coefficients of wear span decades, and a worn bore is no longer round: this tells which sector wears
-first, and how hours compare.
+The volume of a turn over 2 pi R L is the mean depth. The clearance grows by the mean depths of bore
+and pin. Coefficients of wear span decades, and a worn bore is no longer round: this tells
+which sector wears first, and how hours compare.
 """
 
 from collections.abc import Callable
@@ -96,12 +96,12 @@ def wear_of(
 
     **Arguments:**
 
-    - `orbit`: one that is an orbit.
-    - `joint`: by its name; None is the one that is looked at.
+    - `orbit`: a single orbit.
+    - `joint`: by its name; None is the joint that is looked at.
     - `by`: coefficient of wear and width of the bore.
     - `sectors`: how many there are round the bore, and round the pin.
 
-    Raises ValueError for a joint that has no friction of sliding surfaces, and what is no orbit.
+    Raises ValueError for a joint without friction of sliding surfaces, and for a batch.
     """
     require_one(orbit)
     scene = orbit.scene
