@@ -101,7 +101,8 @@ def wear_of(
     - `by`: coefficient of wear and width of the bore.
     - `sectors`: how many there are round the bore, and round the pin.
 
-    Raises ValueError for a joint without friction of sliding surfaces, and for a batch.
+    Raises ValueError for a joint without friction of sliding surfaces, for a batch, for bearings
+    with a memory, and for numbers out of range.
     """
     require_one(orbit)
     scene = orbit.scene
