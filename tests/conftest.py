@@ -198,6 +198,12 @@ def compiled_once():
         yield
 
 
+@pytest.fixture
+def called_most():
+    """Rooms whose signatures only `tests/whole/test_signatures.py` checks, by their quick tests."""
+    return CALLED_MOST
+
+
 @pytest.fixture(scope="module")
 def promoting():
     """JAX as its users have it, whose own functions may mix types and ranks."""

@@ -1,5 +1,6 @@
 """Times of first orbits in fresh processes, of slopes of a run, and growth; medians of three."""
 
+import functools
 import os
 import subprocess
 import sys
@@ -93,11 +94,11 @@ def _orbits(cases: dict[str, tuple[dict, int]]) -> list[Sequence[object]]:
 
 def _sweeps() -> list[Sequence[object]]:
     """Return the microseconds of a turn of a design, in sweeps of more and more designs."""
-    rows = []
+    machine, rows = jc.paper_machine(start="contact"), []
     for count in DESIGNS:
         axes = {"speed": np.linspace(25.0, 32.0, count), "clearance": [6e-5]}
-        machine = jc.paper_machine(start="contact")
-        spent = timed(lambda: jc.sweep(machine, axes, 0, TURNS, rtol=1e-6), REPEATS).again  # noqa: B023
+        sweep = functools.partial(jc.sweep, machine, axes, 0, TURNS, rtol=1e-6)
+        spent = timed(sweep, REPEATS).again
         rows.append([count, f"{1e6 * spent.wall / (TURNS * count):.1f}"])
     return rows
 

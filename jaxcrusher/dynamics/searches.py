@@ -99,6 +99,7 @@ def together(
                         going -= 1
                     else:
                         waiting.append(event)
+                    # No more than what fills the lanes is waited for.
                     ready = len(waiting) >= min(going, 2 * LANES * len(devices()))
                 if waiting and ready:
                     for how in {how for how, *_ in waiting}:
