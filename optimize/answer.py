@@ -15,7 +15,7 @@ from jaxcrusher.joint.validity import Validity
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.sheets.load_sheet import Row
 from optimize.ask.constraints import may_be_stable
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class Confirmed:
     speed: float
     forces: dict[
         str, float
-    ]  # `Problem.forces` of the orbit, or the means of the worse start's runs
+    ]  # `DesignProblem.forces` of the orbit, or the means of the worse start's runs
     ideal_rms: float  # the first of them, of the same machine with ideal joints
     crushing: Crushing | None  # None of a linkage that is no crusher
     orbit: Orbit | None  # None: a scene whose orbits cannot be solved for
@@ -180,7 +180,7 @@ class Front:
     objective: np.ndarray  # (points,)
     other: np.ndarray  # (points,)
     values: dict[str, np.ndarray]  # of the free parameters, (points,)
-    forces: dict[str, np.ndarray]  # `Problem.forces` of the orbits, (points,)
+    forces: dict[str, np.ndarray]  # `DesignProblem.forces` of the orbits, (points,)
 
 
 @dataclass(frozen=True)
@@ -223,7 +223,7 @@ class Maps:
 class Answer:
     """All that a search found, and how."""
 
-    problem: Problem
+    problem: DesignProblem
     command: str
     versions: Mapping[str, str]
     status: str = "interrupted"

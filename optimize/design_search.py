@@ -17,7 +17,7 @@ from jaxcrusher.files.results import write_json
 from jaxcrusher.files.resume import begin
 from optimize.answer import Answer
 from optimize.ask.options import Options
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.ask.resolve import resolve, tell
 from optimize.search.stages import STAGES
 from optimize.search.work import Stopped, Work
@@ -47,7 +47,7 @@ def design_search(options: Options, console: Console) -> Answer:
 
 
 def _answered(
-    problem: Problem,
+    problem: DesignProblem,
     options: Options,
     scheduler: "distributed.Client | None",
     console: Console,

@@ -23,7 +23,7 @@ from jaxcrusher.batch.engines import stack
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.section import fine
 from jaxcrusher.motion.simulation import Trajectory
-from jaxcrusher.scenes.linkages import Drawing
+from jaxcrusher.scenes.linkages import LinkageStructure
 from jaxcrusher.scenes.machine import Machine
 
 SPAN = 0.03  # s
@@ -73,7 +73,7 @@ class Drawn:
     def peer(self, e: dict[str, complex]) -> AnyLinkage:
         """Return its motion by free bodies from e (m)."""
         d, values = self.machine.structure, self.machine.values
-        assert isinstance(d, Drawing)
+        assert isinstance(d, LinkageStructure)
         pushed = tuple((name, body, False) for name, body, _ in d.forces)
         return AnyLinkage(values, d.bodies, d.joints, d.slides, pushed, self.angles, e)
 

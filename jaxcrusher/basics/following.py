@@ -43,7 +43,7 @@ class Followed(eqx.Module):
     now: Instant
 
 
-def begun(following: Following, time: Scalar, state: Any, args: PyTree) -> Followed:
+def first_followed(following: Following, time: Scalar, state: Any, args: PyTree) -> Followed:
     """Return the first `Followed` of a motion that starts at a state."""
     now = Instant(time, following.watch(time, state, args))
     return Followed(state, jax.tree.map(jnp.asarray, following.begin(args)), now, now)

@@ -26,7 +26,7 @@ from jaxcrusher.basics.following import (
     Following,
     FollowingSolver,
     Instant,
-    begun,
+    first_followed,
     rates,
     state_alone,
 )
@@ -327,7 +327,7 @@ def _march(
         # After a failure the remaining segments have no length, and their numbers are NaN.
         dead = before.result != success
         saves = jnp.where(dead, start, saves)
-        y = y if following is None else begun(following, start, y, args)
+        y = y if following is None else first_followed(following, start, y, args)
         with floats_counted_at_once():
             solution = diffrax.diffeqsolve(
                 diffrax.ODETerm(field),

@@ -42,28 +42,28 @@ class Grid:
         return math.prod(self.shape)
 
     @property
-    def described(self) -> dict[str, Any]:
+    def description(self) -> dict[str, Any]:
         """Return the values of every name: a tuple where it varies."""
         return self.base | self.axes
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
         """Return unit and meaning of its numbers, as far as they are known."""
-        return self.structure.numbers(self.described)
+        return self.structure.numbers(self.description)
 
     @property
-    def numbers_described(self) -> list[str]:
+    def names_of_numbers(self) -> list[str]:
         """Return the names of numbers, those of the package in their usual order."""
         return [name for name in self._ordered(PARAMETERS) if not self.chooses(name)]
 
     def chooses(self, name: str) -> bool:
         """Return whether a name's values are choices: each of these is a program of its own."""
-        value = self.described[name]
+        value = self.description[name]
         return isinstance(value[0] if name in self.axes else value, str | tuple)
 
     def _ordered(self, table: Mapping[str, Any]) -> list[str]:
-        known = [name for name in table if name in self.described]
-        return known + [name for name in self.described if name not in known]
+        known = [name for name in table if name in self.description]
+        return known + [name for name in self.description if name not in known]
 
     def numbers(self, designs: Sequence[int] | np.ndarray) -> dict[str, np.ndarray]:
         """Return the numbers of some designs, given by their place in the grid's product.
@@ -76,7 +76,7 @@ class Grid:
             name: np.array(self.axes[name], float)[column[name]]
             if name in column
             else np.full(len(designs), self.base[name], float)
-            for name in self.numbers_described
+            for name in self.names_of_numbers
         }
 
     def choices(self, design: int) -> dict[str, Any]:
@@ -165,7 +165,7 @@ def make_grid(machine: Machine, axes: Mapping[str, Any]) -> Grid:
             text = isinstance(value, str | Path)
             fixed[name] = plain(value if text else _numbers(name, value, 2 * (name in FILES)))
     grid = Grid(varied, structure.beside(fixed, varied), structure)
-    some = len(grid.numbers_described) > 0
+    some = len(grid.names_of_numbers) > 0
     require(some, "axes", "hold a number, such as the speed, where the machine has none", "without")
     known = grid.parameters
     for name in varied:

@@ -41,7 +41,7 @@ class Layout:
     grid: Grid
     columns: Mapping[str, Column]
     chunk: tuple[int, ...]
-    further: Mapping[str, np.ndarray | int] = field(default_factory=dict)
+    labels_of_dims: Mapping[str, np.ndarray | int] = field(default_factory=dict)
 
     def __post_init__(self):
         own = {*self.columns, *(dim for column in self.columns.values() for dim in column.dims)}
@@ -80,12 +80,12 @@ class Layout:
     def coordinates(self) -> dict[str, tuple[str, np.ndarray, dict[str, Any]]]:
         """Return the values along each axis and dim that has labels."""
         found = {name: (name, *rest) for name, rest in self.grid.coordinates().items()}
-        labels = {n: v for n, v in self.further.items() if not isinstance(v, int)}
+        labels = {n: v for n, v in self.labels_of_dims.items() if not isinstance(v, int)}
         return found | {name: (name, values, {}) for name, values in labels.items()}
 
     def inner(self, column: Column) -> tuple[int, ...]:
         """Return the shape of one design's value."""
-        sizes = (self.further[dim] for dim in column.dims)
+        sizes = (self.labels_of_dims[dim] for dim in column.dims)
         return tuple(size if isinstance(size, int) else len(size) for size in sizes)
 
     def dataset(self, values: Mapping[str, np.ndarray], attributes: Mapping[str, Any]):

@@ -155,7 +155,7 @@ class Ensemble:
         started, designs = perf_counter(), self.layout.designs(number)
         grid, most = self.layout.grid, math.prod(self.layout.chunk)
         function = eqx.Partial(
-            _seen,
+            _statistics_of,
             structure=grid.structure,
             choices=grid.choices(int(designs.flat[0])),
             window=self.window,
@@ -215,7 +215,7 @@ class Ensemble:
         return found.assign_attrs(remark=remark) if unsettled else found
 
 
-def _seen(
+def _statistics_of(
     numbers: dict[str, jax.Array],
     structure: AbstractStructure,
     choices: Mapping[str, Any],

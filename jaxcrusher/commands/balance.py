@@ -122,7 +122,7 @@ def compared(
         "first order, largest, ideal joints": [balance.first.largest, after.first.largest],
         "second order, largest, ideal joints": [balance.second.largest, after.second.largest],
     }
-    for name in dict.fromkeys(("shaking_rms", "shaking_peak", heavier.leading)) if orbits else ():
+    for name in dict.fromkeys(("shaking_rms", "shaking_peak", heavier.headline)) if orbits else ():
         words = heavier.statistics[name].meaning
         pairs[f"{words}, orbit"] = [float(one[name]) for one in orbits.values()]
     titles = "as it is", "balanced"

@@ -19,7 +19,7 @@ from jaxcrusher.files.results import listed, write_figure
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.section import fine
-from jaxcrusher.motion.simulation import Trajectory, leading_force
+from jaxcrusher.motion.simulation import Trajectory, headline_force
 from jaxcrusher.orbits.forced import tracks, unrepeatable
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.pictures.film import STYLE, Film
@@ -77,7 +77,7 @@ def run(options: Options, console: Console) -> int:
 def shown_force(scene: Scene) -> str:
     """Return the force that is drawn: what supports carry, or else what pictures show."""
     on_supports = "transmitted_force" in scene.observables
-    return "transmitted_force" if on_supports else leading_force(scene)
+    return "transmitted_force" if on_supports else headline_force(scene)
 
 
 def _orbit(scene: Scene, options: Options, console: Console) -> PeriodicOrbit | None:

@@ -27,7 +27,7 @@ def run(options: Gradient, console: Console) -> int:
     """Differentiate, print, write; 1 if the motion failed. ValueError for bad options."""
     found = read_moving(options.crusher)
     scene = found.scene()
-    metric = options.metric or scene.leading
+    metric = options.metric or scene.headline
     numbers = numbers_of(found.values, found.numbers)
     by = options.by or ("speed", *(name for name in numbers if name.endswith("clearance")))
     require_choice("metric", metric, tuple(scene.statistics))

@@ -25,7 +25,7 @@ from jaxcrusher.scenes.reader import require_continuous
 from jaxcrusher.scenes.units import typed_in
 
 FILES = ("identified.json", "identified.png")
-FURTHER = 3  # further measurements that are printed
+FURTHER = 3  # experiments that are printed
 COLUMNS, CORNER = 2, 5  # of the picture: in a row, and numbers in the corner plot
 
 
@@ -54,11 +54,11 @@ def run(options: Identify, console: Console) -> int:
     with stages(console, "solving (the first time a minute, most of it compilation)"):
         found = identify(machine, measured, options.free, priors=priors, starts=options.starts)
     console.print("\n".join(found.lines(machine.units)), markup=False)
-    further = []
+    experiments = []
     if options.noise:
         with stages(console, "looking for what tells most"):
-            further = found.further(noise=options.noise)
-        for one in further[:FURTHER]:
+            experiments = found.optimal_experiments(noise=options.noise)
+        for one in experiments[:FURTHER]:
             called, unit = quantities.called(one.quantity), quantities.unit(one.quantity)
             order = f"order {one.order}" if one.order else "mean"
             console.print(
@@ -73,8 +73,11 @@ def run(options: Identify, console: Console) -> int:
         | {"degrees_of_freedom": found.freedom, "residuals": found.residuals}
         | {"measured": [asdict(one) for one in found.measured]}
         | {"fitted_amplitude": amplitudes(found)}
-        | {"untold": [asdict(one) for one in found.untold], "remarks": found.remarks}
-        | {"further": [asdict(one) for one in further]},
+        | {
+            "unidentifiable": [asdict(one) for one in found.unidentifiable],
+            "remarks": found.remarks,
+        }
+        | {"optimal_experiments": [asdict(one) for one in experiments]},
     )
     start = {name: machine.number(name) for name in options.free}
     draw(found, start, machine.units, folder / "identified.png")

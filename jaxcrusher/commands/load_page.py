@@ -75,7 +75,7 @@ class Grid(NamedTuple):
     words: tuple[int, bool] = (2, True)
 
 
-def _seen(value: float, least: float) -> float:
+def _above_noise(value: float, least: float) -> float:
     return value if abs(value) >= least else 0.0
 
 
@@ -98,13 +98,13 @@ def amount(row: Row, largest: float) -> Amount:
     """
     least = 0.05 if row.unit == "%" else SMALL * float(np.clip(largest, 1e-6, 1.0))
     value, ideal, low, high = (
-        of if isinstance(of, str) else number(_seen(of, least))
+        of if isinstance(of, str) else number(_above_noise(of, least))
         for of in (row.value, row.ideal, row.lowest, row.highest)
     )
     still = value == "0"
-    scatter = 0.0 if row.scatter == "" else _seen(float(row.scatter), least)
+    scatter = 0.0 if row.scatter == "" else _above_noise(float(row.scatter), least)
     if scatter > 1e-4 * abs(row.value):
-        value = with_error(_seen(row.value, least), scatter)
+        value = with_error(_above_noise(row.value, least), scatter)
     phase = "" if isinstance(row.phase_rad, str) else f"{np.degrees(row.phase_rad):z.0f}°"
     return Amount(ideal, f"{value}\n({low} to {high})" if low else value, "" if still else phase)
 

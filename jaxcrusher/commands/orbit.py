@@ -25,7 +25,7 @@ from jaxcrusher.files.results import listed, write_figure, write_json
 from jaxcrusher.files.resume import begin_beside
 from jaxcrusher.files.text import number, quantity, to_error
 from jaxcrusher.mechanism.scene import Scene
-from jaxcrusher.motion.simulation import leading_force
+from jaxcrusher.motion.simulation import headline_force
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.pictures.motions import (
     coincide,
@@ -55,7 +55,7 @@ def run(options: Orbit, console: Console) -> int:
     """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
     found = read_machine(options.crusher)
     values = found.values
-    metrics = tuple(dict.fromkeys(("shaking_rms", found.scene().leading)))
+    metrics = tuple(dict.fromkeys(("shaking_rms", found.scene().headline)))
     require_whole("period", options.period, 1)
     asked = {"period": options.period, "effort": options.effort}
     settings = settings_of("orbit", found, **asked)
@@ -137,12 +137,12 @@ def draw(orbit: PeriodicOrbit, units: Mapping[str, str], path: Path) -> None:
     """Each pin in its bore, and the force on the foundation beside that of ideal joints."""
     angles = 2 * np.pi * np.arange(ANGLES * orbit.period + 1) / ANGLES
     scene = orbit.scene
-    shown, leading = leading_force(scene), scene.leading
+    shown, headline = headline_force(scene), scene.headline
     names = [f"{scene.prefix(joint)}eccentricity" for joint in scene.joints.names]
     seen = orbit.motion(angles, (shown, *names))
     ideal = jc.periodic_orbit(scene.ideal()).motion(angles, (shown,)) if names else None
     told = [said("speed", float(scene.drive.speed), units), turns_of(orbit)]
-    told.append(f"RMS {quantity(float(orbit[leading]), scene.statistics[leading].unit)}")
+    told.append(f"RMS {quantity(float(orbit[headline]), scene.statistics[headline].unit)}")
     with plt.rc_context(style()):
         fig, force = pins_and_force(scene, seen)
         plot_force(seen, ideal, force, angles=angles, label="periodic orbit")

@@ -28,7 +28,7 @@ from jaxcrusher.files.table import Column, vector_columns
 from jaxcrusher.files.text import number, with_error
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.method import require_tolerance
-from jaxcrusher.motion.simulation import Trajectory, leading_force
+from jaxcrusher.motion.simulation import Trajectory, headline_force
 from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.pictures.motions import (
     coincide,
@@ -101,7 +101,7 @@ def run(options: Simulate, console: Console) -> int:
         console.print(f"FAILED: {failure}", style="red")
     else:
         console.print(closing(motion, summary, settle, scene))
-        if summary is not None and (advice := scattered(summary, scene.leading)):
+        if summary is not None and (advice := scattered(summary, scene.headline)):
             console.print(advice)
     console.print(listed(folder, written))
     return 1 if failure else 0
@@ -155,8 +155,8 @@ def dataset(motion: Trajectory, scene: Scene, values: dict[str, Any]) -> xr.Data
 
 
 def draw(motion: Trajectory, scene: Scene, drawn: np.ndarray) -> Figure:
-    """An orbit for each joint with clearance, and the leading force, at the instants `drawn`."""
-    shown, joints = leading_force(scene), scene.joints.names
+    """An orbit for each joint with clearance, and the headline force, at the instants `drawn`."""
+    shown, joints = headline_force(scene), scene.joints.names
     names = (shown, *(f"{scene.prefix(joint)}eccentricity" for joint in joints))
     seen = {name: motion[name][drawn] for name in names}
     part = Trajectory(motion.time[drawn], motion.outcome, seen)
@@ -185,9 +185,9 @@ def title(
     return ", ".join(parts)
 
 
-def scattered(summary: Statistics, leading: str) -> str:
+def scattered(summary: Statistics, headline: str) -> str:
     """Advise what to do about an average that still changes, or return nothing."""
-    error = float(summary.error(leading))
+    error = float(summary.error(headline))
     if bool(summary.whirl) or not math.isfinite(error):
         return ""
     if not bool(summary.settled):
@@ -195,7 +195,7 @@ def scattered(summary: Statistics, leading: str) -> str:
             "The motion has not settled: the ± counts what is left of its start. python -m "
             "jaxcrusher orbit solves for the motion that it settles on."
         )
-    share = error / float(summary[leading])
+    share = error / float(summary[headline])
     if share <= SCATTERED:
         return ""
     return (
@@ -205,8 +205,8 @@ def scattered(summary: Statistics, leading: str) -> str:
 
 
 def closing(motion: Trajectory, summary: Statistics | None, settle: int, scene: Scene) -> str:
-    """RMS of the leading force and of what shakes, peak, contact, whirl and model, on one line."""
-    names = tuple(dict.fromkeys((scene.leading, "shaking_rms")))
+    """RMS of the headline force and of what shakes, peak, contact, whirl and model, on one line."""
+    names = tuple(dict.fromkeys((scene.headline, "shaking_rms")))
 
     def contact(share: Callable[[str], Any]) -> list[str]:
         """Say the share of time in contact of each loose joint; `share` is by its prefix."""
@@ -216,7 +216,7 @@ def closing(motion: Trajectory, summary: Statistics | None, settle: int, scene: 
 
     if summary is None:
         parts = []
-        for name, force in zip(names, (leading_force(scene), "shaking_force"), strict=False):
+        for name, force in zip(names, (headline_force(scene), "shaking_force"), strict=False):
             squares = np.asarray(motion[force]) ** 2
             rms = np.sqrt(np.mean(squares.sum(axis=1) if squares.ndim > 1 else squares))
             parts.append(f"{CALLED[name]} {number(rms)} N")
@@ -226,9 +226,9 @@ def closing(motion: Trajectory, summary: Statistics | None, settle: int, scene: 
             "whirl and contact model)"
         )
     # One turn tells no error.
-    rms = with_error(float(summary[scene.leading]), float(summary.error(scene.leading)))
-    parts = [f"{CALLED[scene.leading]} {rms} N"]
-    if (peak := scene.leading.replace("_rms", "_peak")) in summary.values:
+    rms = with_error(float(summary[scene.headline]), float(summary.error(scene.headline)))
+    parts = [f"{CALLED[scene.headline]} {rms} N"]
+    if (peak := scene.headline.replace("_rms", "_peak")) in summary.values:
         # Impacts hit harder in some turns than in others.
         median = f"{number(np.median(summary.by_turn[peak]))} N"
         several = f" (median of the turns' peaks {median})" if summary.turns > 1 else ""

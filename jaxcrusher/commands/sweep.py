@@ -23,7 +23,7 @@ def run(options: Sweep, console: Console) -> int:
     """Sweep and print a closing line; 1 if a design failed. ValueError for bad options."""
     found = read_machine(options.crusher)
     axes = read_axes(options.over, found)
-    leading = found.scene().leading
+    headline = found.scene().headline
     found.require_possible(axes)
     folder = results_folder(options.results.folder)
     designs = math.prod(len(axis) for axis in axes.values())
@@ -51,16 +51,16 @@ def run(options: Sweep, console: Console) -> int:
     if len(axes) == 2 and not set(axes) & set(found.choices):
         written.append(folder / "sweep.png")
         fig, ax = plt.subplots(figsize=(7, 4.8), layout="constrained")
-        plot_sweep(grid, leading, ax, units=units)
+        plot_sweep(grid, headline, ax, units=units)
         write_figure(written[-1], fig)
-    console.print(closing(grid, leading, units))
+    console.print(closing(grid, headline, units))
     console.print(", ".join(map(str, written)))
     return 0 if bool(grid.success.all()) else 1
 
 
-def closing(grid: xr.Dataset, leading: str, units: dict[str, str]) -> str:
+def closing(grid: xr.Dataset, headline: str, units: dict[str, str]) -> str:
     """How the designs fared, and the one that shakes least."""
-    grid = grid[[leading, "success", "whirl", "inside_model"]].load()
+    grid = grid[[headline, "success", "whirl", "inside_model"]].load()
     success, whirl = grid.success.to_numpy(), grid.whirl.to_numpy()
     outside = int((success & ~whirl & ~grid.inside_model.to_numpy()).sum())
     remark = grid.attrs.get("remark", "")
@@ -69,9 +69,9 @@ def closing(grid: xr.Dataset, leading: str, units: dict[str, str]) -> str:
         f"whirl, {outside} more outside the contact model"
     )
     counts = f"{remark}\n{counts}" if remark else counts
-    good = grid[leading].where(grid.success & ~grid.whirl)
+    good = grid[headline].where(grid.success & ~grid.whirl)
     if not bool(good.notnull().any()):
         return counts
     best = good.isel(good.argmin(...))  # pyright: ignore
     design = all_said({str(name): best.coords[name].item() for name in grid.sizes}, units)
-    return f"{counts}; least {CALLED[leading]} {number(best.item())} N at {design}"
+    return f"{counts}; least {CALLED[headline]} {number(best.item())} N at {design}"

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
 from jaxcrusher.basics.plane import scalar
-from jaxcrusher.files.told import Row, Summary, Told, said
+from jaxcrusher.files.summary import Row, Summarised, Summary, value_text
 from jaxcrusher.mechanism.linkage import Linkage
 from jaxcrusher.mechanism.motion import ideal_at_rest
 
@@ -34,7 +34,7 @@ PER_VOLUME = {
 }
 
 
-class CrushingChamber(Told, eqx.Module):
+class CrushingChamber(Summarised, eqx.Module):
     """The chamber: Q = 60 n V mu, V = S L, S = (2b - s) h / 2, h = g t^2 / 2, t = 30 / n.
 
     The paper gives neither b nor s; its greatest capacity, 9.41 m3/h at 25 rad/s, implies
@@ -63,14 +63,14 @@ class CrushingChamber(Told, eqx.Module):
 
     def _summary(self) -> Summary:
         slowest = self.lowest_speed()
-        most = f"{said(self.capacity(slowest), 'm3/h')} at {said(slowest, 'rad/s')}"
+        most = f"{value_text(self.capacity(slowest), 'm3/h')} at {value_text(slowest, 'rad/s')}"
         return Summary(
             "CrushingChamber by laminating theory",
             [
-                Row("opening_length", said(self.opening_length, "m"), "L"),
-                Row("height", said(self.height, "m"), "H"),
-                Row("loosening", said(self.loosening, "1"), "mu"),
-                Row("double_width", said(self.double_width, "m"), "2b - s"),
+                Row("opening_length", value_text(self.opening_length, "m"), "L"),
+                Row("height", value_text(self.height, "m"), "H"),
+                Row("loosening", value_text(self.loosening, "1"), "mu"),
+                Row("double_width", value_text(self.double_width, "m"), "2b - s"),
                 Row("capacity", most, "falls inversely to the speed"),
             ],
         )

@@ -158,7 +158,7 @@ CRUSHER = Template(
     crank=Title("shaft_", "shaft", "shaft"),
     springs="rod_",
     origin="C",
-    leading="foundation_rms",
+    headline="foundation_rms",
     own=_own,
     outline=outline,
 )

@@ -59,7 +59,7 @@ def bifurcation(
       all values.
 
     **Returns:** an `xarray.Dataset`: `e_x`, `e_y` (clearances), `rate_x`, `rate_y` (m/s) and
-    the leading statistic of the turn (of a crusher `foundation_rms`, N) with dims `value` and
+    the headline statistic of the turn (of a crusher `foundation_rms`, N) with dims `value` and
     `turn`; `success`, `whirl`, `settled` (points that repeat, or whose spread has no trend) and
     `period` (turns, up to 32, 0 for none) with dim `value`. Points of a failed or whirling value
     are NaN. A whirl is handed on; after a failure the next value begins with its scene's start.
@@ -78,7 +78,7 @@ def bifurcation(
     scenes = [machine.scene(**{name: float(number)}) for number in numbers]
     moves = all(len(pins_of(one)) > 0 for one in scenes)
     require(moves, "machine", "have clearance, and the eccentricity formulation", scenes[0])
-    first, of = places_of(scenes[0]), scenes[0].leading
+    first, of = places_of(scenes[0]), scenes[0].headline
     which = jax.tree.leaves((first.eccentricities.values[0], first.rates.values[0]))
     run = eqx.Partial(_run, settle=settle_turns, turns=turns, rtol=rtol)
     count, rows = len(scenes), [{}] * len(numbers)
@@ -98,9 +98,9 @@ def bifurcation(
                 progress(done, count)
     of = machine.replace(**{name: numbers[0]}).numbers.get(name)
     unit = units or ("1" if of is None else of.unit)
-    leading = columns_of(scenes[0].statistics, (scenes[0].leading,))
+    headline = columns_of(scenes[0].statistics, (scenes[0].headline,))
     kept = {key: COLUMNS[key] for key in COORDINATES}
-    kept |= {key: column._replace(dims=("turn",)) for key, column in leading.items()}
+    kept |= {key: column._replace(dims=("turn",)) for key, column in headline.items()}
     kept |= {key: COLUMNS[key] for key in FLAGS}
     columns = {key: np.stack([row[key] for row in rows]) for key in kept}
     coordinates = {
@@ -117,9 +117,9 @@ def _run(
     return poincare_section(scene, settle, turns, state=state, outputs=of_whirl(scene), rtol=rtol)
 
 
-def _row(found: Section, leading: str, which: list[int], rtol: float) -> dict[str, np.ndarray]:
+def _row(found: Section, headline: str, which: list[int], rtol: float) -> dict[str, np.ndarray]:
     """Return the diagram's row of one value: `which` numbers of its section points, and more."""
-    states, rms = np.array(found.states), np.array(found[leading])
+    states, rms = np.array(found.states), np.array(found[headline])
     success, period, settled = bool(found.success), None, False
     whirl = success and bool(found.statistics.whirl)
     if whirl or not success:
@@ -128,6 +128,6 @@ def _row(found: Section, leading: str, which: list[int], rtol: float) -> dict[st
         noise = NOISE * rtol
         period = detect_period(states, noise=noise)
         settled = period is not None or not spread_trend(states, noise=noise)[1]
-    row = dict(zip(COORDINATES, states[:, which].T, strict=True)) | {leading: rms}
+    row = dict(zip(COORDINATES, states[:, which].T, strict=True)) | {headline: rms}
     flags = zip(FLAGS, (success, whirl, settled, period or 0), strict=True)
     return row | {key: np.asarray(flag) for key, flag in flags}

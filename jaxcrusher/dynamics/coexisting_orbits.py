@@ -22,9 +22,9 @@ from jaxcrusher.batch.engines import computing, run_all
 from jaxcrusher.batch.points import Grid, make_grid
 from jaxcrusher.batch.store import Layout, opened
 from jaxcrusher.files import svg
+from jaxcrusher.files.summary import Summarised, Summary
 from jaxcrusher.files.table import COLUMNS
 from jaxcrusher.files.text import number
-from jaxcrusher.files.told import Summary, Told
 from jaxcrusher.lanes.code import LANES
 from jaxcrusher.mechanism.scene import Scene, require_scene, require_steady
 from jaxcrusher.mechanism.state import pins_of
@@ -33,7 +33,7 @@ from jaxcrusher.orbits.oscillation import NEAR, Oscillation, distance, oscillati
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.shot import shoot
-from jaxcrusher.orbits.transient import WAIT_RTOL, section_points
+from jaxcrusher.orbits.transient import TRANSIENT_RTOL, section_points
 from jaxcrusher.scenes.earlier import axes_first
 from jaxcrusher.scenes.machine import Machine, machine_of
 
@@ -56,7 +56,7 @@ MOST_FAILURES = 3
 
 
 @dataclass(frozen=True, repr=False)
-class CoexistingOrbits(Told):
+class CoexistingOrbits(Summarised):
     """Stable orbits, the most frequent first, and which start comes to which.
 
     An orbit that no start came to has a share of 0. Another spread of the starts gives other
@@ -96,8 +96,8 @@ class CoexistingOrbits(Told):
         """Return a line for each orbit."""
         lines = [
             f"{share:.0%} ± {error:.0%} period {orbit.period}: "
-            f"RMS {float(orbit[orbit.scene.leading]):.2f} N, "
-            f"peak {number(float(orbit[orbit.scene.leading.replace('rms', 'peak')]))} N, "
+            f"RMS {float(orbit[orbit.scene.headline]):.2f} N, "
+            f"peak {number(float(orbit[orbit.scene.headline.replace('rms', 'peak')]))} N, "
             f"least penetration {float(orbit.least_penetration):.2g} clearances, "
             f"settles in {float(orbit.settling_turns):.3g} turns"
             for orbit, share, error in zip(self.orbits, self.shares, self.share_errors, strict=True)
@@ -129,7 +129,7 @@ def coexisting_orbits(
     quiet = periodic_orbit(scene, effort="thorough")
     known = _Known(scene, [quiet] if bool(quiet.stable) else [])
     length = -(-turns // LOOKS)
-    advance = eqx.Partial(section_points, turns=length, rtol=WAIT_RTOL)
+    advance = eqx.Partial(section_points, turns=length, rtol=TRANSIENT_RTOL)
     pins = pins_of(scene)
     begun, going = _shifted(scene, pins, starts, spread, seed), list(range(starts))
     state, labels = begun.copy(), np.full(starts, -1)
@@ -150,7 +150,7 @@ def coexisting_orbits(
         for start in sorted(seen, key=lambda n: _shortest(seen[n]).spread):
             one = _shortest(seen[start])
             place = known.about(one, NARROW if look < LOOKS - 1 else WIDE)
-            if place is not None and known.held(place, one):
+            if place is not None and known.surely_decays(place, one):
                 labels[start] = place
             else:
                 going.append(start)
@@ -249,7 +249,7 @@ class _Known:
             self._sections.append(section_of(orbit))
         return alike[0] if alike else len(self.orbits) - 1
 
-    def held(self, number: int, one: Oscillation) -> bool:
+    def surely_decays(self, number: int, one: Oscillation) -> bool:
         """Tell whether an oscillation about an orbit must decay: it is small, or keeps contact.
 
         The amplitude of a harmonic oscillation is the square root of 2 times its RMS.
@@ -272,8 +272,8 @@ class _Known:
 
 
 def _same(one: PeriodicOrbit, other: PeriodicOrbit) -> bool:
-    leading = one.scene.leading
-    apart = abs(float(one[leading]) / float(other[leading]) - 1)
+    headline = one.scene.headline
+    apart = abs(float(one[headline]) / float(other[headline]) - 1)
     short, long = sorted((one, other), key=lambda orbit: orbit.period)
     if long.period % short.period or apart >= SAME:
         return False
@@ -370,7 +370,7 @@ def _looked_at(design: int, grid: Grid, asked: Mapping[str, Any]) -> tuple[int, 
 def _row(found: CoexistingOrbits, most: int) -> dict[str, Any]:
     """Return the columns of one design, filled up to `most` orbits."""
     fill = (0, most - len(found.orbits))
-    rms = np.array([float(orbit[orbit.scene.leading]) for orbit in found.orbits])
+    rms = np.array([float(orbit[orbit.scene.headline]) for orbit in found.orbits])
     shares = np.array(found.shares)
     reached = [*rms[shares > 0]]
     return {

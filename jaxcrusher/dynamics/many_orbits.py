@@ -26,7 +26,7 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.forced import unknowns
 from jaxcrusher.orbits.periodic_orbit import orbit_by, periodic_orbit
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
-from jaxcrusher.orbits.search import SURELY_CLOSED, OrbitSearch, Try, is_unresolved
+from jaxcrusher.orbits.search import SURELY_CLOSED, Attempt, OrbitSearch, is_unresolved
 from jaxcrusher.orbits.transient import Lone
 from jaxcrusher.periodic.collocation_problem import MOST_NODES
 from jaxcrusher.periodic.trigonometric import resample
@@ -113,7 +113,7 @@ def solve_orbits(
 
     def solve(which: np.ndarray, guesses: np.ndarray, progress: Any = None) -> Rows:
         given, how = (_part(cases, which), guesses), engine or without_lanes()
-        program = eqx.Partial(_solved, sought=sought)
+        program = eqx.Partial(_solve_case, sought=sought)
         return run_all(program, given, chunk, how, progress, whole=chunk, **settings)
 
     # NaN stands for the pin at rest.
@@ -207,7 +207,7 @@ def _in_words(codes: np.ndarray, kind: Any, entry: PyTree) -> np.ndarray:
     return np.array([words(kind, _entry(code, entry)) for code in known.tolist()], object)[which]
 
 
-def _solved(
+def _solve_case(
     given: tuple[DesignCase, Float[Array, "points dims"]], sought: Sought
 ) -> dict[str, Array]:
     """Solve one case by nodes, from those of a guess or, where these are NaN, from rest.
@@ -220,7 +220,7 @@ def _solved(
         case, guess = given
         first = guess if unknowns(sought.scene(*case)) else None
         find = eqx.Partial(periodic_orbit, period=sought.period, nodes=sought.nodes, guess=first)
-        return _described(case, sought, find, jax.lax.map)
+        return _row(case, sought, find, jax.lax.map)
 
     like = jax.eval_shape(solve, given)
     nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), like)
@@ -238,14 +238,14 @@ def _searched(
     case, (code, way, path) = given
     result = _entry(code, RESULTS.successful)
 
-    def first(search: OrbitSearch) -> Try:
+    def first(search: OrbitSearch) -> Attempt:
         if bool(result == RESULTS.successful) or is_unresolved(result):
             return search.by_nodes(path, search.turns).replaced(way=_entry(way, WAYS.rest))
         none = missing(search.still, search.turns, result)
-        return Try(none, none)
+        return Attempt(none, none)
 
     find = eqx.Partial(orbit_by, runs, period=sought.period, effort=effort, first=first)
-    return _described(case, sought, find, _one_by_one)
+    return _row(case, sought, find, _one_by_one)
 
 
 @eqx.filter_jit
@@ -259,7 +259,7 @@ def _one_by_one(function: Callable[[Array], Array], inputs: Array) -> Array:
     return jnp.stack([function(one) for one in inputs])
 
 
-def _described(
+def _row(
     case: DesignCase,
     sought: Sought,
     find: Callable[[Scene], PeriodicOrbit],
@@ -284,7 +284,7 @@ def _described(
         numbers, pull, orbit = jax.vjp(solved, free, has_aux=True)
         slopes = each(lambda one: pull(one)[0], jnp.eye(len(numbers)))
     row = dict(orbit.values) | {name: jnp.asarray(getattr(orbit, name)) for name in SEEN}
-    run, name = orbit.run, orbit.scene.leading
+    run, name = orbit.run, orbit.scene.headline
     row |= {
         "numbers": jnp.where(orbit.success, numbers, jnp.nan),
         "slopes": jnp.where(orbit.success, slopes, jnp.nan),

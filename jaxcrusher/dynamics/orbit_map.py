@@ -90,11 +90,11 @@ def orbit_map(
         require_whole("nodes", nodes, 4)
         require(nodes % 2 == 0, "nodes", "be even", nodes)
     grid, slopes = make_grid(machine_of(machine), axes), tuple(slopes)
-    require_names("slopes", slopes, tuple(grid.numbers_described))
+    require_names("slopes", slopes, tuple(grid.names_of_numbers))
     require(len(set(slopes)) == len(slopes), "slopes", "name every number once", slopes)
     groups = list(grid.alike())
     first = [grid.scene(designs[0]) for _, designs in groups]
-    metric = first[0].leading if metric is None else metric
+    metric = first[0].headline if metric is None else metric
     require_choice("metric", metric, tuple(first[0].statistics))
     for one in first:
         if refused := refusal(one):
@@ -121,7 +121,7 @@ def orbit_map(
                     unknowns(one),
                     nodes,
                 )
-                found[tuple(designs)] = _solved(
+                found[tuple(designs)] = _solve_designs(
                     grid,
                     designs,
                     sought,
@@ -152,7 +152,7 @@ def _metric(orbit: PeriodicOrbit, scene: Scene, free: Array, rest: PyTree, name:
     return orbit[name]
 
 
-def _solved(
+def _solve_designs(
     grid: Grid, designs: list[int], sought: Sought, slopes: tuple[str, ...], **how: Any
 ) -> Rows:
     """Solve for the orbits of designs of the same choices, with settings of `solve_orbits`."""

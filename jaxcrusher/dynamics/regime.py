@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require, require_untraced, require_whole
 from jaxcrusher.basics.integrate import Outcome
+from jaxcrusher.files.summary import Row, Summarised, Summary
 from jaxcrusher.files.text import measured, with_error
-from jaxcrusher.files.told import Row, Summary, Told
 from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import Scene, require_scene
 from jaxcrusher.mechanism.state import pins_of
@@ -37,7 +37,7 @@ NOISE = 2e5
 
 
 @dataclass(frozen=True, repr=False)
-class Regime(Told):
+class Regime(Summarised):
     """A verdict and its evidence.
 
     `name` is "periodic", "quasi-periodic", "chaotic", "whirl", "not settled", "undecided" or

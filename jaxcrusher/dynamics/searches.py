@@ -22,7 +22,7 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.transient import (
     FINE,
     PIECE,
-    WAIT_RTOL,
+    TRANSIENT_RTOL,
     Ends,
     Lone,
     NextTurns,
@@ -48,7 +48,7 @@ class Gathered(Lone):
 
     def piece(self, case: SceneAt, most: int | None) -> NextTurns:
         """Return the next `PIECE` turns from a section point, in `most` steps each."""
-        turns = self._asked((PIECE, WAIT_RTOL, most), [case])
+        turns = self._asked((PIECE, TRANSIENT_RTOL, most), [case])
         return jax.tree.map(lambda leaf: leaf[0], turns)
 
     def turn(self, states: Float[np.ndarray, "n dims"], scene: Scene) -> Ends:

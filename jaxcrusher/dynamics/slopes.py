@@ -28,8 +28,8 @@ from jaxcrusher.basics.traced import traced
 from jaxcrusher.batch.engines import map_all
 from jaxcrusher.dynamics.judgement import FITS, Slope, judge
 from jaxcrusher.dynamics.regime import Regime, classify
+from jaxcrusher.files.summary import Row, Summarised, Summary
 from jaxcrusher.files.text import measured, number, with_error
-from jaxcrusher.files.told import Row, Summary, Told
 from jaxcrusher.mechanism.reductions import Statistic
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.starts import shifted_start
@@ -64,7 +64,7 @@ REGIME_RTOL, REGIME_TURNS = 1e-10, 200
 
 
 @dataclass(frozen=True, repr=False)
-class GradientReport(Told):
+class GradientReport(Summarised):
     """The slopes of one statistic at one design."""
 
     metric: str

@@ -22,11 +22,11 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.setup import cores, require_set_up
 from jaxcrusher.files import svg
-from jaxcrusher.files.told import Row, Summary, Told
+from jaxcrusher.files.summary import Row, Summarised, Summary
 from jaxcrusher.identification.measurements import WHOLE, Measurement, taken
 from jaxcrusher.identification.model import (
+    Predicted,
     Quantities,
-    Seen,
     What,
     look,
     quantities_of,
@@ -42,7 +42,7 @@ from jaxcrusher.scenes.units import unit_of as shown_in
 
 # A direction cannot be told if its standard deviation is this share of its numbers: the interval
 # of 95 % is then as wide as they are.
-UNTOLD = 0.5
+UNIDENTIFIABLE = 0.5
 # How far such a direction is followed, as a share of a number, and which components are named, as a
 # share of the largest.
 STEP, NAMED = 0.1, 0.1
@@ -64,7 +64,7 @@ EDGE = 1e-6  # how near a bound, in sizes of the number, is on it
 
 
 @dataclass(frozen=True)
-class Untold:
+class UnidentifiableDirection:
     """Changes of numbers, made together, that move no measured number by more than `sigmas`."""
 
     changes: Mapping[str, float]
@@ -72,7 +72,7 @@ class Untold:
 
 
 @dataclass(frozen=True)
-class Further:
+class OptimalExperiment:
     """A further harmonic, measured with its phase, and what it tells."""
 
     speed: float  # rad/s
@@ -84,7 +84,7 @@ class Further:
 
 
 @dataclass(frozen=True)
-class _Problem:
+class _LeastSquares:
     """Measurements and priors to be met by u, the numbers in shares of their size."""
 
     machine: Machine
@@ -94,16 +94,18 @@ class _Problem:
     measured: Sequence[Measurement]
     prior: Float[np.ndarray, "2 n"]  # mean and 1 / standard deviation of u, which is 0 without
     nodes: int
-    known: dict[tuple[bytes, What], dict[float, tuple[Seen, Seen]]] = field(default_factory=dict)
+    known: dict[tuple[bytes, What], dict[float, tuple[Predicted, Predicted]]] = field(
+        default_factory=dict
+    )
 
-    def look(self, u: np.ndarray, what: What) -> dict[float, tuple[Seen, Seen]]:
+    def look(self, u: np.ndarray, what: What) -> dict[float, tuple[Predicted, Predicted]]:
         """Return what is seen at each speed, and its slopes by u."""
         if (u.tobytes(), what) in self.known:
             return self.known[u.tobytes(), what]
         scenes = self.machine.over(*self.size, "speed")
         sizes = jnp.array([*self.size.values(), 1.0])
 
-        def at(speed: float) -> tuple[Seen, Seen]:
+        def at(speed: float) -> tuple[Predicted, Predicted]:
             point = jnp.array([*u, speed])
             found = look(scenes, len(u), point, sizes, what, {"nodes": self.nodes})
             return jax.tree.map(np.asarray, found)
@@ -149,7 +151,7 @@ class _Problem:
 
 
 @dataclass(frozen=True, repr=False)
-class Identified(Told):
+class Identified(Summarised):
     """Numbers of a machine that measurements tell, and how surely.
 
     Arrays have the order of `values`. `residuals` are in sigmas; a harmonic with its phase has two.
@@ -164,10 +166,10 @@ class Identified(Told):
     residuals: Float[np.ndarray, " rows"]
     chi_square: float  # with that of priors
     freedom: int  # residuals and priors less directions of numbers that these fit
-    untold: Sequence[Untold]
+    unidentifiable: Sequence[UnidentifiableDirection]
     starts: Sequence[float]  # chi-squares that starts came to, the least first; infinite: no orbit
     remarks: Sequence[str]
-    problem: _Problem
+    problem: _LeastSquares
 
     @property
     def standard_deviations(self) -> dict[str, float]:
@@ -191,9 +193,9 @@ class Identified(Told):
         """Return the chance of a larger chi-square if the model is right; NaN without freedom."""
         return float(chi2.sf(self.chi_square, self.freedom)) if self.freedom > 0 else np.nan
 
-    def further(
+    def optimal_experiments(
         self, *, orders: int = 4, noise: float | Mapping[str, float] = 0.01
-    ) -> list[Further]:
+    ) -> list[OptimalExperiment]:
         """Return which further measurements would tell most, the best of each observable.
 
         They are harmonics with phases up to `orders`, at the speeds measured. `noise` is their
@@ -221,7 +223,7 @@ class Identified(Told):
                     sigmas[name] = max(sigmas[name], noise * float(abs(values[-1])))
         rows = problem.at(u)[1]
         spread = np.linalg.inv(rows.T @ rows + np.eye(len(u)))
-        best: dict[str, Further] = {}
+        best: dict[str, OptimalExperiment] = {}
         for speed, (_, by) in found.items():
             for quantity, slopes in by.spectra.items():
                 name, sigma = observable(quantity), sigmas[observable(quantity)]
@@ -233,7 +235,9 @@ class Identified(Told):
                         left = spread - spread @ both.T @ np.linalg.solve(inner, both @ spread)
                         after = (size * np.sqrt(np.diag(left))).tolist()
                         deviations = dict(zip(self.values, after, strict=True))
-                        best[name] = Further(speed, quantity, order, sigma, gain, deviations)
+                        best[name] = OptimalExperiment(
+                            speed, quantity, order, sigma, gain, deviations
+                        )
         return sorted(best.values(), key=lambda one: -one.gain)
 
     def lines(self, units: Mapping[str, str] | None = None) -> list[str]:
@@ -256,7 +260,7 @@ class Identified(Told):
                 lines.append(f"correlation {tied[i, j]:.3f}: {names[i]}, {names[j]}")
         chance = f", larger by chance in {100 * self.chance:.2g} %" if self.freedom > 0 else ""
         lines.append(f"chi-square {self.chi_square:.4g} of {self.freedom} degrees{chance}")
-        for one in self.untold:
+        for one in self.unidentifiable:
             changes = [f"{name} by {said(name, by, '.2g')}" for name, by in one.changes.items()]
             lines.append(
                 f"Cannot be told: a change of {' and '.join(changes)} moves no measured number by "
@@ -311,8 +315,8 @@ def identify(
     - `nodes`: of an orbit, as in `jaxcrusher.periodic_orbit`.
 
     **Returns:** an `Identified`. Numbers that the data do not determine stay near their start, and
-    `untold` names them. Errors are assumed normal, independent, and small enough for the orbit to
-    be linear within them.
+    `unidentifiable` names them. Errors are assumed normal, independent, and small enough for the
+    orbit to be linear within them.
 
     Raises ValueError for bad arguments, and where no start has an orbit at each speed.
     """
@@ -336,7 +340,7 @@ def identify(
     best, least = found[0]
     must = "begin where there is a periodic orbit at each speed"
     require(np.isfinite(least), "free", must, f"without one at {starts} starts")
-    told = _svd(problem.at(best)[1])[0][-1] > 1 / UNTOLD
+    told = _svd(problem.at(best)[1])[0][-1] > 1 / UNIDENTIFIABLE
     best, _ = problem.solve(best, 0.0 if told else 1 / HELD, FINE)
     return _answer(problem, best, np.array([sum_of for _, sum_of in found]))
 
@@ -346,7 +350,7 @@ def _problem(
     values: Mapping[str, float],
     priors: Mapping[str, tuple[float, float]],
     nodes: int,
-) -> tuple[_Problem, Float[np.ndarray, " n"]]:
+) -> tuple[_LeastSquares, Float[np.ndarray, " n"]]:
     """Return what is to be solved but for measurements, checked, and the start in shares."""
     names, numbers = list(values), machine.replace(**values).numbers
     sizes, bounds, known = {}, [], [(0.0, 0.0)] * len(names)
@@ -364,11 +368,11 @@ def _problem(
     # What it shows does not depend on the speed, which a description has.
     scene = machine.scene(**values, **({} if "speed" in machine.values else {"speed": 30.0}))
     bounds, prior = np.array(bounds).T, np.array(known).T
-    problem = _Problem(machine, quantities_of(scene), sizes, bounds, (), prior, nodes)
+    problem = _LeastSquares(machine, quantities_of(scene), sizes, bounds, (), prior, nodes)
     return problem, np.array([values[name] / sizes[name] for name in names])
 
 
-def _answer(problem: _Problem, u: np.ndarray, starts: np.ndarray) -> Identified:
+def _answer(problem: _LeastSquares, u: np.ndarray, starts: np.ndarray) -> Identified:
     """Return what is known at the least squares."""
     seen = problem.look(u, problem.quantities.asked(problem.measured))
     size = np.array([*problem.size.values()])
@@ -393,7 +397,7 @@ def _answer(problem: _Problem, u: np.ndarray, starts: np.ndarray) -> Identified:
         residuals=residuals,
         chi_square=chi_square,
         freedom=freedom,
-        untold=_untold(problem, slopes),
+        unidentifiable=_unidentifiable(problem, slopes),
         starts=starts.tolist(),
         remarks=[
             *_remarks(problem, inside, seen, starts, float(chi2.sf(chi_square, max(freedom, 1)))),
@@ -409,10 +413,10 @@ def _svd(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.pad(values, (0, len(directions) - len(values))), directions
 
 
-def _untold(problem: _Problem, slopes: np.ndarray) -> list[Untold]:
+def _unidentifiable(problem: _LeastSquares, slopes: np.ndarray) -> list[UnidentifiableDirection]:
     """Return the directions that the data alone do not tell, the weakest first."""
     strength, directions = _svd(slopes)
-    directions, found = directions[strength < 1 / UNTOLD][::-1], []
+    directions, found = directions[strength < 1 / UNIDENTIFIABLE][::-1], []
     # Of any directions that span the same, each has one number that the others leave alone.
     alone = np.array(qr(directions, pivoting=True)[-1])[: len(directions)]
     for direction in np.linalg.solve(directions[:, alone], directions):
@@ -420,12 +424,12 @@ def _untold(problem: _Problem, slopes: np.ndarray) -> list[Untold]:
         sigmas = float(np.abs(slopes @ (STEP * shares)).max())
         pairs = zip(problem.size.items(), shares.tolist(), strict=True)
         changes = {name: STEP * share * of for (name, of), share in pairs if abs(share) > NAMED}
-        found.append(Untold(changes, sigmas))
+        found.append(UnidentifiableDirection(changes, sigmas))
     return found
 
 
 def _bends(
-    problem: _Problem,
+    problem: _LeastSquares,
     u: np.ndarray,
     strength: np.ndarray,
     directions: np.ndarray,
@@ -435,7 +439,7 @@ def _bends(
     grown = [
         float(np.sum(problem.at(u + side * AWAY / by * direction)[0] ** 2)) - chi_square
         for by, direction in zip(strength, directions, strict=True)
-        if by > 1 / UNTOLD
+        if by > 1 / UNIDENTIFIABLE
         for side in (1, -1)
     ]
     if not np.isfinite(grown).all():
@@ -453,9 +457,9 @@ def _bends(
 
 
 def _remarks(
-    problem: _Problem,
+    problem: _LeastSquares,
     inside: np.ndarray,
-    seen: Mapping[float, tuple[Seen, Seen]],
+    seen: Mapping[float, tuple[Predicted, Predicted]],
     starts: np.ndarray,
     chance: float,
 ) -> list[str]:

@@ -48,7 +48,7 @@ class What(NamedTuple):
     oblique: tuple[str, ...] = ()
 
 
-class Seen(NamedTuple):
+class Predicted(NamedTuple):
     """What is seen of an orbit, or its slopes, whose arrays have one more axis."""
 
     # by component; A e^(i phi) of each order, the mean first, and the RMS about it last
@@ -167,29 +167,29 @@ def look(
     sizes: Float[Array, " n"],
     what: What,
     how: Mapping[str, Any],
-) -> tuple[Seen, Seen]:
+) -> tuple[Predicted, Predicted]:
     """Return what is seen at a point, and its slopes by the first `moved` of its coordinates.
 
     The coordinates are the numbers of `scenes` in shares of `sizes`. `how` are arguments of
     `periodic_orbit`. NaN where there is no orbit.
     """
 
-    def at(some: Float[Array, " moved"]) -> tuple[Seen, Seen]:
+    def at(some: Float[Array, " moved"]) -> tuple[Predicted, Predicted]:
         numbers = sizes * jnp.concatenate([some, point[moved:]])
         orbit = periodic_orbit(scenes(numbers), **how)
-        seen = _seen(orbit, what)
+        seen = _predicted(orbit, what)
         return seen, seen
 
     slopes, values = jax.jacfwd(at, has_aux=True)(point[:moved])
     return values, slopes
 
 
-def _seen(orbit: PeriodicOrbit, what: What) -> Seen:
+def _predicted(orbit: PeriodicOrbit, what: What) -> Predicted:
     known, spectra = orbit.scene.observables, {}
     turns = turns_of(orbit, {name: known[name] for name in what.observables})
     curves = turns.curves()
     for name in what.oblique:
-        observable, angle = _along(name)
+        observable, angle = _oblique_component(name)
         x, y = (curves[f"{observable}{side}"] for side in SIDES)
         values = np.cos(angle) * x.values + np.sin(angle) * y.values
         curves[name] = curve_of(x.unit, values)
@@ -200,10 +200,10 @@ def _seen(orbit: PeriodicOrbit, what: What) -> Seen:
         name: orbit.least_penetration if name == LEAST_PENETRATION else orbit[name]
         for name in what.statistics
     }
-    return Seen(spectra, statistics, jnp.asarray(orbit.stable, float))
+    return Predicted(spectra, statistics, jnp.asarray(orbit.stable, float))
 
 
-def _along(quantity: str) -> tuple[str, float]:
+def _oblique_component(quantity: str) -> tuple[str, float]:
     """Return the observable of an oblique component, and its angle, rad."""
     match = _OBLIQUE.fullmatch(quantity)
     assert match is not None, quantity
@@ -211,7 +211,7 @@ def _along(quantity: str) -> tuple[str, float]:
 
 
 def residual_rows(
-    measured: Iterable[Measurement], seen: Mapping[float, tuple[Seen, Seen]]
+    measured: Iterable[Measurement], seen: Mapping[float, tuple[Predicted, Predicted]]
 ) -> tuple[Float[np.ndarray, " rows"], Float[np.ndarray, "rows n"]]:
     """Return what is seen less what was measured, in sigmas, and its slopes.
 

@@ -245,7 +245,7 @@ def solve(motion: Motion, acting: Forces, curvatures: Named[Vector] | None = Non
         if name in ways.slides or ways.turning_with.get(name) == name
     ]
     rows = [_Rows(ways, tree, sums, unknown) for tree in trees]
-    speed_ups, closed = _solved(ways, rows, unknown, closing)
+    speed_ups, closed = _speed_rates(ways, rows, unknown, closing)
     roots = {body: one.root(speed_ups) for one in rows for body in one.tree.bodies}
 
     def acceleration(body: str, way: _Way) -> Vector | None:
@@ -306,7 +306,7 @@ def solve(motion: Motion, acting: Forces, curvatures: Named[Vector] | None = Non
     )
 
 
-def _solved(
+def _speed_rates(
     ways: _Ways, rows: "list[_Rows]", unknown: list[str], closing: tuple[str, ...]
 ) -> tuple[dict[str, Scalar], dict[str, Vector]]:
     """Return the derivatives of the unknown speeds, and the forces on the bores that close loops.

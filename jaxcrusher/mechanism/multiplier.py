@@ -115,10 +115,12 @@ class MultiplierFormulation(AbstractFormulation):
         motion = self.motion(time, state, scene)
         contacts = contacts_of(scene, motion, state.memories)
         torque = scene.drive.torque(time, motion.crank)
-        solve = functools.partial(self._solved, time, scene)
+        solve = functools.partial(self._accelerations, time, scene)
         return snapshot_of(scene, motion, contacts, torque, frame, solve)
 
-    def _solved(self, time: Scalar, scene: Scene, motion: Motion, acting: Forces) -> Accelerations:
+    def _accelerations(
+        self, time: Scalar, scene: Scene, motion: Motion, acting: Forces
+    ) -> Accelerations:
         linkage, torque, contacts = scene.linkage, acting.torque, acting.contacts
         bodies = _Bodies(motion, acting)
         gaps = {name: bodies.gap(joint) for name, joint in linkage.joints.items()}

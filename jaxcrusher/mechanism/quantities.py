@@ -264,7 +264,7 @@ def _torque_size(s: Snapshot, scene: Scene) -> Scalar:
     return _size(drive_torque(s, scene), force_width(s, scene) * stop_gradient(scene.throw))
 
 
-def _seen(function: Any, part: str, unit: str, meaning: str) -> Observable:
+def _component(function: Any, part: str, unit: str, meaning: str) -> Observable:
     return Observable(OfPart(function, part), unit, meaning)
 
 
@@ -278,8 +278,8 @@ def sensors_at(
     """Return what a sensor at a part shows, relative to the ground and in the ground's axes."""
     called = called or name
     return {
-        f"{name}_velocity": _seen(velocity, part, "m/s", f"velocity of {called}"),
-        f"{name}_acceleration": _seen(acceleration, part, "m/s2", f"acceleration of {called}"),
+        f"{name}_velocity": _component(velocity, part, "m/s", f"velocity of {called}"),
+        f"{name}_acceleration": _component(acceleration, part, "m/s2", f"acceleration of {called}"),
     }
 
 
@@ -303,23 +303,25 @@ def own_of_linkage(parts: Parts) -> Asked:
     further = _sizes("drive_torque", "N m", "size of the drive torque", _torque_size)
     for joint in parts.joints:
         meaning = f"force on the bore of {joint}"
-        of_joints[f"{joint}_reaction"] = _seen(on_bore, joint, "N", meaning)
+        of_joints[f"{joint}_reaction"] = _component(on_bore, joint, "N", meaning)
         further |= _sizes(f"{joint}_force", "N", f"force in {joint}", OfPart(force_at, joint))
     for slide in parts.slides:
         left = f"force on the slide {slide}, to the left of its direction"
         about = f"moment on the slide {slide} about its body's origin"
-        found[f"{slide}_force"] = _seen(_slide_force, slide, "N", left)
-        found[f"{slide}_moment"] = _seen(_slide_moment, slide, "N m", about)
+        found[f"{slide}_force"] = _component(_slide_force, slide, "N", left)
+        found[f"{slide}_moment"] = _component(_slide_moment, slide, "N m", about)
         further |= _sizes(f"{slide}_force", "N", f"force on {slide}", OfPart(_slide_size, slide))
     for slide in parts.guides:
         ahead = f"friction on the slide {slide}, in its direction"
-        found[f"{slide}_friction"] = _seen(_slide_friction, slide, "N", ahead)
+        found[f"{slide}_friction"] = _component(_slide_friction, slide, "N", ahead)
         meaning = f"largest share of the friction of {slide} that friction itself brings forth"
         own = OfPart(_slide_feedback, slide)
         usual[f"{slide}_feedback"] = Statistic("1", meaning, own, LARGEST)
         limits[slide] = Jamming, (f"{slide}_feedback",)
     for point in (*parts.bodies, *parts.points):
-        found[f"{point}_position"] = _seen(position, point, "m", f"place of {point}, in the frame")
+        found[f"{point}_position"] = _component(
+            position, point, "m", f"place of {point}, in the frame"
+        )
         found |= sensors_at(point, point)
         size = OfPart(_acceleration_size, point)
         further |= _sizes(f"{point}_acceleration", "m/s2", f"acceleration of {point}", size)
@@ -341,7 +343,7 @@ class Template:
     springs: str = "spring_"
     origin: str = "the frame's origin"
     # The statistic by which errors of a motion are judged.
-    leading: str = "shaking_rms"
+    headline: str = "shaking_rms"
     # Besides what is asked of loose joints, of the machine, of its crank and of its supports.
     own: Callable[[Parts], Asked] = own_of_linkage
     # How pictures show a scene; None: by its joints and points.

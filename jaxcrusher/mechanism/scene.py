@@ -22,7 +22,7 @@ from jaxcrusher.basics.checks import (
     require_x64,
 )
 from jaxcrusher.basics.plane import Vector, plus
-from jaxcrusher.files.told import Summary, Told
+from jaxcrusher.files.summary import Summarised, Summary
 from jaxcrusher.joint.clearance import AbstractBearing, AbstractGap, ClearanceJoint
 from jaxcrusher.joint.friction import AbstractFriction
 from jaxcrusher.joint.guide import Guide
@@ -34,9 +34,9 @@ from jaxcrusher.mechanism.motion import Motion
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.quantities import LACKING, Asked, Parts, Template, asked_of
 from jaxcrusher.mechanism.reductions import Chosen, Statistic
+from jaxcrusher.mechanism.scene_summary import sketch_of, summary_of
 from jaxcrusher.mechanism.snapshot import Observable, Snapshot
 from jaxcrusher.mechanism.supports import AbstractFoundation, OnSupports
-from jaxcrusher.mechanism.telling import sketch_of, summary_of
 from jaxcrusher.mechanism.topology import FRAME
 
 
@@ -54,7 +54,7 @@ def _centred() -> "AbstractStart":
     return Centred()
 
 
-class Scene(Told, eqx.Module):
+class Scene(Summarised, eqx.Module):
     """A linkage with a drive, the gaps of its loose joints and slides, and forces on its bodies.
 
     Joints and slides that are not named are ideal; a slide without a gap may have friction by
@@ -247,9 +247,9 @@ class Scene(Told, eqx.Module):
         require_names("outputs", outputs, (*table, *others))
 
     @property
-    def leading(self) -> str:
+    def headline(self) -> str:
         """Return the statistic by which errors of a motion are judged."""
-        return self.template.leading
+        return self.template.headline
 
     def with_statistics(self, own: Mapping[str, Statistic]) -> "Scene":
         """Return the scene with statistics of one's own, by name; they need not be asked for.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Array
 
-from jaxcrusher.files.told import Row, Summary, Told, said
+from jaxcrusher.files.summary import Row, Summarised, Summary, value_text
 
 # What may be asked for by name, each with its `unit`.
 Known = tuple[tuple[str, Any], ...]
@@ -36,7 +36,7 @@ def made_of(needed: str) -> Callable[[Callable[[Any], Array]], Any]:
     return made
 
 
-class AbstractNamed(Told):
+class AbstractNamed(Summarised):
     """Arrays by name: `result.x` or `result["x"]`, for every x of `values`.
 
     A name that was not asked for raises AttributeError or KeyError, whose message says so. The
@@ -113,7 +113,7 @@ class AbstractNamed(Told):
         return [
             Row(
                 name,
-                said(self.values[name], units[name], errors.get(name, np.nan)),
+                value_text(self.values[name], units[name], errors.get(name, np.nan)),
                 getattr(entries.get(name), "meaning", ""),
             )
             for name in names

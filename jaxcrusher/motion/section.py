@@ -14,7 +14,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.basics.integrate import RESULTS, Integration, Outcome, integrate
 from jaxcrusher.basics.setup import require_set_up
-from jaxcrusher.files.told import Row, said
+from jaxcrusher.files.summary import Row, value_text
 from jaxcrusher.mechanism.reductions import Chosen, of_slices
 from jaxcrusher.mechanism.scene import Scene, require_steady
 from jaxcrusher.motion.flow import Flow, flat, initial_state, unflattened
@@ -56,7 +56,7 @@ class Section(AbstractOverTurns, eqx.Module):
         return f"states at the ends of {len(self.states)} turns"
 
     def _rows(self) -> list[Row]:
-        return [Row("states", said(self.states, "1")), *self._rows_of(self._told)]
+        return [Row("states", value_text(self.states, "1")), *self._rows_of(self._told)]
 
     @property
     def slices(self) -> int:

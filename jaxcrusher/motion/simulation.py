@@ -24,8 +24,8 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.crusher.machine import JOINTS
 from jaxcrusher.crusher.template import CRUSHER
 from jaxcrusher.files import svg
+from jaxcrusher.files.summary import Row, Summarised, Summary, range_of, value_text
 from jaxcrusher.files.text import number, quantity
-from jaxcrusher.files.told import Row, Summary, Told, range_of, said
 from jaxcrusher.mechanism import observables
 from jaxcrusher.mechanism.acting import push_power, spring_loss
 from jaxcrusher.mechanism.quantities import Parts, asked_of
@@ -66,7 +66,7 @@ def _works(scene: Scene) -> dict[str, Callable]:
     return found
 
 
-class Energy(Told, eqx.Module):
+class Energy(Summarised, eqx.Module):
     """The energy ledger: energies, and work since time zero, J; shape (times,) or one instant.
 
     Springs of supports and rod count as elastic. `support_loss` is the energy that supports'
@@ -97,7 +97,7 @@ class Energy(Told, eqx.Module):
 
     def _summary(self) -> Summary:
         parts = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
-        rows = [Row(name, said(of, "J")) for name, of in parts.items() if of is not None]
+        rows = [Row(name, value_text(of, "J")) for name, of in parts.items() if of is not None]
         return Summary(f"Energy: {self._balance}", rows)
 
     @property
@@ -281,6 +281,6 @@ def _problem(outputs: tuple[str, ...]) -> InitialValueProblem:
     return InitialValueProblem(initial, field, observe, lambda observed, end, kept: observed)
 
 
-def leading_force(scene: Scene) -> str:
+def headline_force(scene: Scene) -> str:
     """Return the observable that pictures show."""
     return next(name for name in LEADING_FORCES if name in scene.observables)

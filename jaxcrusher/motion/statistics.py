@@ -23,7 +23,7 @@ from jaxcrusher.basics.integrate import (
 )
 from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.files import svg
-from jaxcrusher.files.told import Row
+from jaxcrusher.files.summary import Row
 from jaxcrusher.joint.validity import Validity, validity
 from jaxcrusher.mechanism.reductions import (
     SAMPLES,
@@ -283,12 +283,12 @@ def limits_of(scene: Scene, values: Mapping[str, Scalar]) -> Validity:
 
 
 def of_whirl(scene: Scene) -> tuple[str, ...]:
-    """Return the names of a scene's leading statistic and of those that show a whirl.
+    """Return the names of a scene's headline statistic and of those that show a whirl.
 
     Ideal joints have none, but an ideal crusher has those of its main joint all the same.
     """
     prefixes = map(scene.prefix, scene.joints.names or scene.watched)
-    return scene.leading, *(at + of for at in prefixes for of in ("contact_fraction", "winding"))
+    return scene.headline, *(at + of for at in prefixes for of in ("contact_fraction", "winding"))
 
 
 def statistics_problem(

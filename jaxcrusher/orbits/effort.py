@@ -36,7 +36,7 @@ EFFORTS = {
 PIECE = 24
 
 
-class Spent:
+class Budget:
     """What a search has done within the bounds of an effort."""
 
     def __init__(self, effort: str) -> None:

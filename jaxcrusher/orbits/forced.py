@@ -145,12 +145,12 @@ def acceleration(
 def acceleration_and_force(
     phase: Scalar, x: Float[Array, " dims"], rate: Float[Array, " dims"], scene: Scene
 ) -> tuple[Float[Array, " dims"], Scalar]:
-    """Return the second derivative of the unknowns by the phase, and the leading force, N.
+    """Return the second derivative of the unknowns by the phase, and the headline force, N.
 
     Both follow from one look at the instant: what they share is compiled once.
     """
     seen = snapshot(phase, x, rate, scene)
-    force = scene.statistics[scene.leading].quantity(seen, scene)
+    force = scene.statistics[scene.headline].quantity(seen, scene)
     return _acceleration(seen, x, rate, scene), jnp.asarray(force)
 
 

@@ -16,14 +16,14 @@ from jaxcrusher.mechanism.reductions import ALL_THE_TIME
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.motion.flow import initial_state, unflattened
 from jaxcrusher.motion.section import poincare_section
-from jaxcrusher.orbits.effort import Spent
-from jaxcrusher.orbits.transient import PIECE, TURNS, WAIT_RTOL, piece
+from jaxcrusher.orbits.effort import Budget
+from jaxcrusher.orbits.transient import PIECE, TRANSIENT_RTOL, TURNS, piece
 
 # Turns that must keep contact, looked at after each `TURNS`.
 KEPT = 12
 
 
-def settled_velocities(scene: Scene, spent: Spent) -> dict[str, Array] | None:
+def settled_velocities(scene: Scene, budget: Budget) -> dict[str, Array] | None:
     """Return the final impact velocity of each joint, from the scene's start, in m/s.
 
     None where contact is not kept within an effort: each impact then sets another velocity.
@@ -31,17 +31,17 @@ def settled_velocities(scene: Scene, spent: Spent) -> dict[str, Array] | None:
     """
     outputs = tuple(f"{scene.prefix(name)}contact_fraction" for name in scene.joints.names)
     state = initial_state(scene)
-    for _ in range(spent.bounds.turns // TURNS):
+    for _ in range(budget.bounds.turns // TURNS):
         for _ in range(TURNS // PIECE):
-            if not spent.affords(PIECE):
+            if not budget.affords(PIECE):
                 return None
             states, _, outcome = piece((state, scene))
-            spent.integrated(outcome, PIECE)
-            spent.turns += PIECE
+            budget.integrated(outcome, PIECE)
+            budget.turns += PIECE
             state = states[-1]
             if not bool(outcome.success):
                 return None
-        seen = poincare_section(scene, 0, KEPT, state=state, outputs=outputs, rtol=WAIT_RTOL)
+        seen = poincare_section(scene, 0, KEPT, state=state, outputs=outputs, rtol=TRANSIENT_RTOL)
         if all(bool(np.all(seen.values[name] >= ALL_THE_TIME)) for name in outputs):
             at = unflattened(state, scene)
             assert at is not None

@@ -23,15 +23,15 @@ from jaxcrusher.basics.setup import require_set_up, warn_once
 from jaxcrusher.basics.traced import traced
 from jaxcrusher.crusher.template import STATISTIC
 from jaxcrusher.files import svg
+from jaxcrusher.files.summary import Row, Summarised, Summary, value_text
 from jaxcrusher.files.table import COLUMNS, columns_of, dataset
 from jaxcrusher.files.text import measured
-from jaxcrusher.files.told import Row, Summary, Told, said
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.forced import unrepeatable
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.orbits.scene_problems import orbit_of, problem_of
-from jaxcrusher.orbits.solving import solved, with_statistics
+from jaxcrusher.orbits.solving import orbit_nodes, with_statistics
 from jaxcrusher.periodic.branch import OUTSIDE, Branch, Point, follow
 from jaxcrusher.periodic.event_curve import EventCurve
 from jaxcrusher.periodic.events import (
@@ -124,7 +124,7 @@ class Event:
 
 
 @dataclass(frozen=True, repr=False)
-class OrbitBranch(Told):
+class OrbitBranch(Summarised):
     """Periodic orbits along a branch, and the events between them.
 
     `table` has a row for each orbit, in the order of the branch.
@@ -147,19 +147,19 @@ class OrbitBranch(Told):
         return f"by collocation with {shape[0] // problem.period} nodes a turn"
 
     @property
-    def _leading(self) -> str:
-        return self.orbits[0].scene.leading
+    def _headline(self) -> str:
+        return self.orbits[0].scene.headline
 
     def _summary(self) -> Summary:
-        leading, stable = self._leading, self.table["stable"].values
-        unit = self.orbits[0].scene.statistics[leading].unit
+        headline, stable = self._headline, self.table["stable"].values
+        unit = self.orbits[0].scene.statistics[headline].unit
         rows = [
-            Row(name, said(self.table[name].values, "1"))
+            Row(name, value_text(self.table[name].values, "1"))
             for name in ("parameter", "second")
             if name in self.table
         ]
         rows += [
-            Row(leading, said(self.table[leading].values, unit)),
+            Row(headline, value_text(self.table[headline].values, unit)),
             Row("stable", f"{stable.sum()} of {stable.size}"),
             *(
                 Row(one.kind, f"at {measured(one.parameter, '1', one.error)}")
@@ -172,9 +172,9 @@ class OrbitBranch(Told):
         return Summary(title, rows, (self.ended, f"Found {self.found}."))
 
     def _picture(self) -> str:
-        leading = self._leading
-        values = self.table["parameter"].values, self.table[leading].values
-        return svg.curve(*values, f"{leading} over the parameter")
+        headline = self._headline
+        values = self.table["parameter"].values, self.table[headline].values
+        return svg.curve(*values, f"{headline} over the parameter")
 
 
 @unnamed("value")
@@ -247,7 +247,7 @@ def orbit_branch(
     problem = problem_of(scene, jnp.asarray(value, float), begin.period, begin.unknowns.ndim > 1)
     unknowns = begin.unknowns
     if isinstance(problem, ShootingProblem) and not isinstance(start, BranchSwitch):
-        unknowns = problem.along(unknowns, value)
+        unknowns = problem.unknowns_from(unknowns, value)
     branch = follow(
         problem,
         unknowns,
@@ -296,7 +296,7 @@ def _first(
             still = begin.steady()
             near = resample(path, nodes * found.period)
             first = with_statistics(
-                still, *solved(still, near, found.period, len(near)), found.period
+                still, *orbit_nodes(still, near, found.period, len(near)), found.period
             )
     if bool(first.success):
         return BranchSwitch(found.period, value, np.asarray(first.eccentricity), None)

@@ -21,11 +21,11 @@ from jaxcrusher.basics.setup import require_set_up
 from jaxcrusher.mechanism.scene import Scene, require_scene
 from jaxcrusher.mechanism.starts import Centred
 from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.effort import Spent
+from jaxcrusher.orbits.effort import Budget
 from jaxcrusher.orbits.impact_velocities import held, settled_velocities
 from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, finished, missing
-from jaxcrusher.orbits.search import OrbitSearch, Try, searched, shot_for, shot_once
-from jaxcrusher.orbits.solving import kinematic, solved, solved_as_needed, with_statistics
+from jaxcrusher.orbits.search import Attempt, OrbitSearch, searched, shot_for, shot_once
+from jaxcrusher.orbits.solving import kinematic, orbit_nodes, refined_orbit, with_statistics
 from jaxcrusher.orbits.transient import Lone
 
 
@@ -99,7 +99,7 @@ def orbit_by(
     guess: PeriodicOrbit | ArrayLike | None = None,
     method: Literal["shooting"] | None = None,
     effort: str = "usual",
-    first: Callable[[OrbitSearch], Try] | None = None,
+    first: Callable[[OrbitSearch], Attempt] | None = None,
 ) -> PeriodicOrbit:
     """Return the orbit as `periodic_orbit` does, with turns by `runs`.
 
@@ -122,16 +122,16 @@ def orbit_by(
     if refused := forced.unrepeatable(somehow):
         raise ValueError(f"Argument `scene` must {refused}.")
     # Shooting that is asked for is not bounded, and nodes that are given wait for nothing.
-    velocities, spent = None, Spent(effort if method is None else "thorough")
+    velocities, budget = None, Budget(effort if method is None else "thorough")
     if forced.remembers(somehow):
         must = "be None for a bearing that remembers, whose orbits are shot for"
         require(nodes is None, "nodes", must, nodes)
         method = "shooting"
     if forced.tracks(scene):
-        velocities = settled_velocities(jax.lax.stop_gradient(scene.steady()), spent)
+        velocities = settled_velocities(jax.lax.stop_gradient(scene.steady()), budget)
         if velocities is None:
             none = missing(scene, turns, RESULTS.impacts)
-            return finished(dataclasses.replace(none, tried=str(spent)), scene)
+            return finished(dataclasses.replace(none, tried=str(budget)), scene)
         scene = held(scene, velocities)
     if method is not None:
         require_choice("method", method, ("shooting",))
@@ -153,7 +153,7 @@ def orbit_by(
     if not scene.has_unknowns:
         orbit = kinematic(alike, turns, scene.entries())
     elif known:
-        search = OrbitSearch(alike, still, path, begin, period, spent, runs)
+        search = OrbitSearch(alike, still, path, begin, period, budget, runs)
         if first is not None:
             search = search._replace(first=first(search))
         # Tries that fail are NaN; what comes out of all of them is looked at below.
@@ -162,9 +162,9 @@ def orbit_by(
     elif method is not None:
         orbit = shot_once(alike, still, begin, turns)
     elif nodes is not None:
-        orbit = with_statistics(alike, *solved(still, path, turns, nodes * turns), turns)
+        orbit = with_statistics(alike, *orbit_nodes(still, path, turns, nodes * turns), turns)
     else:
-        orbit = solved_as_needed(alike, still, path, turns)
+        orbit = refined_orbit(alike, still, path, turns)
     return finished(orbit, scene, velocities)
 
 

@@ -19,8 +19,8 @@ from jaxcrusher.basics.checks import (
 )
 from jaxcrusher.basics.record import words
 from jaxcrusher.files import svg
+from jaxcrusher.files.summary import Row, range_of, value_text
 from jaxcrusher.files.text import with_error
-from jaxcrusher.files.told import Row, range_of, said
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.mechanism.eccentricity import EccentricityState
 from jaxcrusher.mechanism.reductions import SAMPLES
@@ -28,7 +28,7 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.named import AbstractNamed
 from jaxcrusher.motion.names import StatisticNames
-from jaxcrusher.motion.simulation import leading_force, simulate
+from jaxcrusher.motion.simulation import headline_force, simulate
 from jaxcrusher.motion.statistics import Statistics, limits_of
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits import forced
@@ -107,7 +107,7 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
     validity: Validity
     way: WAYS
     # m/s, by joint: what tracked impact velocities come to, and are held at; None: not tracked
-    held_velocities: Mapping[str, Scalar] | None = None
+    frozen_impact_velocities: Mapping[str, Scalar] | None = None
     # what the motion from the pins at rest does, if it was waited for and led to no stable orbit,
     # and its leading statistic over the last half of the turns that were waited for
     from_rest: RESULTS | None = None
@@ -137,7 +137,7 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
     @property
     def found(self) -> str:
         """Say by which way the orbit was found (concrete values only)."""
-        held = self.held_velocities or {}
+        held = self.frozen_impact_velocities or {}
         said = [f"{float(v):.4g} m/s at the {name} joint" for name, v in held.items()]
         kept = f", with the tracked impact velocity held at {', '.join(said)}" if said else ""
         return words(WAYS, self.way) + kept
@@ -201,7 +201,7 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
         """Say how large the leading statistic of the motion from rest is."""
         if self.run is None or not bool(self.run.success):
             return ""
-        name = self.scene.leading
+        name = self.scene.headline
         value, error = float(self.run[name]), float(self.run.standard_error(name))
         unit = self.scene.statistics[name].unit
         return f"Its RMS is {with_error(value, error)} {unit} over {self.run.turns} turns."
@@ -238,18 +238,25 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
         return {"stable": self.stable, "inside the contact model": self.validity.inside}
 
     def _rows(self) -> list[Row]:
-        scene, error = self.scene, np.asarray(self.error * abs(self.values[self.scene.leading]))
-        usual = (scene.leading, *(n for n in scene.usual_statistics if n != scene.leading))
-        errors = {} if error.ndim else {scene.leading: float(error)}
+        scene, error = self.scene, np.asarray(self.error * abs(self.values[self.scene.headline]))
+        usual = (scene.headline, *(n for n in scene.usual_statistics if n != scene.headline))
+        errors = {} if error.ndim else {scene.headline: float(error)}
         rows = self._rows_of((name for name in usual if name in self.values), errors)
         if not scene.has_unknowns:
             return rows
         kept = "penetration over clearance: contact is kept above 0"
         return [
             *rows,
-            Row("least_penetration", said(self.least_penetration, "1"), kept),
-            Row("largest_multiplier", said(self.largest_multiplier, "1", self._multiplier_error())),
-            Row("settling_turns", said(self.settling_turns, "turns"), "to 1/e of a disturbance"),
+            Row("least_penetration", value_text(self.least_penetration, "1"), kept),
+            Row(
+                "largest_multiplier",
+                value_text(self.largest_multiplier, "1", self._multiplier_error()),
+            ),
+            Row(
+                "settling_turns",
+                value_text(self.settling_turns, "turns"),
+                "to 1/e of a disturbance",
+            ),
         ]
 
     def _multiplier_error(self) -> float:
@@ -263,7 +270,7 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
         """Return the pins in their bores, and the leading force over the period."""
         if not self._is_one:
             return ""
-        name, scene = leading_force(self.scene), self.scene
+        name, scene = headline_force(self.scene), self.scene
         phases = np.linspace(0, 2 * np.pi * self.period, PICTURED * self.period)
         clearances = {
             f"{scene.prefix(joint)}eccentricity": float(bearing.clearance)
@@ -309,7 +316,7 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
         if forced.remembers(self.scene):
             return _integrated(self, angles, outputs)
         entries = tuple((name, known[name]) for name in outputs)
-        return seen_along(self, jnp.asarray(angles, dtype=float), entries)
+        return observables_along(self, jnp.asarray(angles, dtype=float), entries)
 
 
 def require_one(orbit: PeriodicOrbit) -> None:
@@ -398,7 +405,7 @@ def _integrated(
 
 
 @eqx.filter_jit
-def seen_along(
+def observables_along(
     orbit: PeriodicOrbit, phases: Float[Array, " n"], entries: tuple[tuple[str, Observable], ...]
 ) -> dict[str, Array]:
     """Return observables at phases (rad) of an orbit, by the names of their entries."""
@@ -416,12 +423,12 @@ def seen_along(
 def turns_of(orbit: PeriodicOrbit, entries: Mapping[str, Observable]) -> Turns:
     """Return observables at `SAMPLES` instants a turn of an orbit: a piece that repeats."""
     phases = 2 * np.pi / SAMPLES * jnp.arange(SAMPLES * orbit.period, dtype=float)
-    seen = seen_along(orbit, phases, tuple(entries.items()))
+    seen = observables_along(orbit, phases, tuple(entries.items()))
     return Turns(orbit.scene, orbit.period, {name: seen[name][None] for name in entries})
 
 
 def finished(
-    orbit: PeriodicOrbit, scene: Scene, held_velocities: Mapping[str, Scalar] | None = None
+    orbit: PeriodicOrbit, scene: Scene, frozen_impact_velocities: Mapping[str, Scalar] | None = None
 ) -> PeriodicOrbit:
     """Return the orbit of `scene` as it is handed out: NaN in all numbers and slopes of a failure.
 
@@ -434,7 +441,7 @@ def finished(
         orbit = _masked_with_slopes(orbit, scene)
     elif not (is_concrete(orbit.result) and bool(orbit.success)):
         orbit = _masked(orbit)
-    fields = {"held_velocities": held_velocities, "tried": tried, "run": run}
+    fields = {"frozen_impact_velocities": frozen_impact_velocities, "tried": tried, "run": run}
     return dataclasses.replace(orbit, scene=scene, **fields)
 
 

@@ -13,7 +13,7 @@ from jaxcrusher.motion.tangents import SLICES, Build, slices_apart
 from jaxcrusher.orbits import forced, shot
 from jaxcrusher.orbits.forced import least_penetrations
 from jaxcrusher.orbits.result import WAYS, PeriodicOrbit
-from jaxcrusher.orbits.solving import described, of_nodes
+from jaxcrusher.orbits.solving import of_nodes, orbit_of_nodes
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.branch import Branch, Point
 from jaxcrusher.periodic.collocation_problem import CollocationProblem
@@ -92,7 +92,7 @@ def _by_nodes(
 ) -> PeriodicOrbit:
     system = problem.family(p)
     found = of_nodes(system, u, None, WAYS.branch, family=Family(problem.family, p, scales))
-    return described(system, found, u, problem.period, outputs)
+    return orbit_of_nodes(system, found, u, problem.period, outputs)
 
 
 def _by_slices(problem: ShootingProblem, u: Array, p: Array, seen: Turns) -> PeriodicOrbit:
@@ -108,7 +108,7 @@ def _by_slices(problem: ShootingProblem, u: Array, p: Array, seen: Turns) -> Per
         jnp.array(0),
         newton.RESULTS.successful,
     )
-    return shot.described(problem.flow.build(p.reshape(-1)), found, problem.period)
+    return shot.orbit_through(problem.flow.build(p.reshape(-1)), found, problem.period)
 
 
 def _family(value: Array, *, scene: Callable[[Array], Scene], period: int) -> System:

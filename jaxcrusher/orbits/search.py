@@ -1,4 +1,4 @@
-"""The search for the orbit of a scene with known values: tries, one after the other.
+"""The search for the orbit of a scene with known values: attempts, one after the other.
 
 1. Newton's method by nodes from the guess, or from the pins at rest and by continuation in a
    damping. The damping leads to the quietest of several motions: the motion from rest is checked,
@@ -30,26 +30,26 @@ from jaxtyping import Array, Scalar
 from jaxcrusher.basics.checks import concrete, is_concrete, without_slopes
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.state import pins_of
-from jaxcrusher.orbits.effort import Spent
+from jaxcrusher.orbits.effort import Budget
 from jaxcrusher.orbits.forced import can_be_shot, pins, remembers, unknowns
 from jaxcrusher.orbits.oscillation import NEAR, about_means, oscillation_about
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, missing
-from jaxcrusher.orbits.shot import ORBIT_RTOL, closed, described, integrated_multipliers
-from jaxcrusher.orbits.solving import NODES, SETTLED, Nodes, solved, with_statistics
+from jaxcrusher.orbits.shot import ORBIT_RTOL, closed, integrated_multipliers, orbit_through
+from jaxcrusher.orbits.solving import NODES, SETTLED, Nodes, orbit_nodes, with_statistics
 from jaxcrusher.orbits.transient import (
+    TRANSIENT_RTOL,
     TURNS,
-    WAIT_RTOL,
     Followed,
     Lone,
     Round,
-    Wait,
+    Transient,
     followed,
     resting,
     resting_start,
     section_points,
 )
 from jaxcrusher.periodic.multipliers import UNSURE
-from jaxcrusher.periodic.newton import Root, advanced, begun
+from jaxcrusher.periodic.newton import Root, advanced, first_iterate
 from jaxcrusher.periodic.trigonometric import resample
 
 # Distances in clearances from an unstable orbit, at which that of twice the turns is searched for.
@@ -60,7 +60,7 @@ COMES_BACK = 1e-6
 # An orbit with this estimate is not integrated. At 130 orbits of drawn crushers the integrated
 # closure was at most 1.7 times the estimate, where it was above 1e-7.
 SURELY_CLOSED = 1e-7
-# Turns of a wait that cost as much as shooting for a period of one turn.
+# Turns of a transient that cost as much as shooting for a period of one turn.
 SHOT = 300
 # Differences of turns are over twice this shift of a section point, in clearances and m/s; their
 # tolerance of 1e-8 leaves 1e-4 of a slope. Newton's last step, from where nodes or shooting go on.
@@ -73,15 +73,15 @@ LOOKS, LEAST_SHARE = 24, 0.01
 _LOG = logging.getLogger(__name__)
 
 
-class Try(NamedTuple):
+class Attempt(NamedTuple):
     """An orbit with the slopes of its scene, and its values alone."""
 
     sloped: PeriodicOrbit
     orbit: PeriodicOrbit
 
-    def replaced(self, **fields: Any) -> "Try":
+    def replaced(self, **fields: Any) -> "Attempt":
         """Return both with other values of some fields."""
-        return Try(*(dataclasses.replace(orbit, **fields) for orbit in self))
+        return Attempt(*(dataclasses.replace(orbit, **fields) for orbit in self))
 
 
 class OrbitSearch(NamedTuple):
@@ -92,9 +92,9 @@ class OrbitSearch(NamedTuple):
     guess: Array | None  # of nodes
     section: Array | None  # the section point of a guess, which may lose contact
     period: int | None  # None is 1, or else what the motion that is waited for repeats after
-    spent: Spent
+    budget: Budget
     runs: Lone = Lone()  # how turns are integrated
-    first: Try | None = None  # what Newton's method from the guess, or from rest, came to
+    first: Attempt | None = None  # what Newton's method from the guess, or from rest, came to
 
     @property
     def turns(self) -> int:
@@ -103,14 +103,14 @@ class OrbitSearch(NamedTuple):
 
     def by_nodes(
         self, guess: Array | None, turns: int, count: int = NODES, most: int | None = None
-    ) -> Try:
+    ) -> Attempt:
         """Return the orbit with as many nodes a turn as it needs, from `count` to `most`.
 
         Once with the slopes of the scene, and once with the values that tell how good it is.
         """
-        way, most = None, most or self.spent.bounds.nodes
+        way, most = None, most or self.budget.bounds.nodes
         while True:
-            self.spent.nodes.add(count)
+            self.budget.nodes.add(count)
             _LOG.info("Newton's method for a period of %d, %d nodes a turn", turns, count)
             one, found = self.by_so_many(guess, turns, count)
             way = found.way if way is None else way
@@ -124,15 +124,15 @@ class OrbitSearch(NamedTuple):
             guess, count = orbit.eccentricity, 2 * count
         return self.with_multipliers(one.replaced(way=way), found)
 
-    def by_so_many(self, guess: Array | None, turns: int, count: int) -> tuple[Try, Nodes]:
+    def by_so_many(self, guess: Array | None, turns: int, count: int) -> tuple[Attempt, Nodes]:
         """Return the orbit with `count` nodes a turn, and what Newton's method came to."""
         start = self._start(guess, count * turns)
-        found, factors = solved(self.still, start, turns, count * turns)
+        found, factors = orbit_nodes(self.still, start, turns, count * turns)
         sloped = with_statistics(self.scene, found, factors, turns)
         orbit = without_slopes(sloped)
         if concrete(orbit.error) is None:  # slopes by several numbers at once hide the values
             orbit = with_statistics(self.still, found, factors, turns)
-        return Try(sloped, orbit), found
+        return Attempt(sloped, orbit), found
 
     def _start(self, guess: Array | None, nodes: int) -> Array:
         """Return a guess with so many nodes, NaN for none: one program serves both."""
@@ -144,10 +144,10 @@ class OrbitSearch(NamedTuple):
         """Tell whether more nodes may help: what loses contact is sooner shot for."""
         if bool(orbit.success):
             return doubted or not float(orbit.error) <= SETTLED
-        lost = bool(orbit.result == RESULTS.contact_lost) and not self.spent.bounds.bounded
+        lost = bool(orbit.result == RESULTS.contact_lost) and not self.budget.bounds.bounded
         return lost or bool(orbit.result == RESULTS.unresolved)
 
-    def with_multipliers(self, found: Try, nodes: Nodes) -> Try:
+    def with_multipliers(self, found: Attempt, nodes: Nodes) -> Attempt:
         """Return an orbit with multipliers by the integrator, if steps or nodes leave them unsure.
 
         Where that is beyond the effort they stay as they are, with their error.
@@ -158,11 +158,11 @@ class OrbitSearch(NamedTuple):
             return found
         # Tangents of four numbers cost as much as 8 to 30 turns, of eight as 90 to 170.
         turns = orbit.section.size**2 * orbit.period
-        if not self.spent.steps:
+        if not self.budget.steps:
             self._comes_back(orbit)
-        if not self.spent.affords(turns):
+        if not self.budget.affords(turns):
             return found
-        self.spent.spend(turns)
+        self.budget.spend(turns)
         values, error = integrated_multipliers(self.still, orbit.section, orbit.period)
         return found.replaced(multipliers=values, multipliers_error=error)
 
@@ -173,7 +173,7 @@ class OrbitSearch(NamedTuple):
     def _comes_back(self, orbit: PeriodicOrbit) -> bool:
         """Whether a motion that begins on the orbit comes back, by the integrator."""
         end, _, outcome = self._followed(orbit.section, orbit.period)
-        self.spent.integrated(outcome, orbit.period)
+        self.budget.integrated(outcome, orbit.period)
         apart = np.max(np.abs(np.asarray(end) - np.asarray(orbit.section)))
         return bool(outcome.success) and bool(apart < COMES_BACK)
 
@@ -183,19 +183,19 @@ class OrbitSearch(NamedTuple):
 
     def can_shoot(self, start: Array, turns: int) -> bool:
         """Tell whether the integrator may solve from a section point, within the effort."""
-        able = self.spent.bounds.shoots and can_be_shot(self.still, start)
-        return able and self.spent.affords(SHOT * turns)
+        able = self.budget.bounds.shoots and can_be_shot(self.still, start)
+        return able and self.budget.affords(SHOT * turns)
 
-    def by_shooting(self, start: Array, turns: int) -> Try:
+    def by_shooting(self, start: Array, turns: int) -> Attempt:
         """Return the orbit through a section point near `start`."""
         _LOG.info("shooting for a period of %d", turns)
-        self.spent.spend(SHOT * turns)
-        self.spent.shots += 1
+        self.budget.spend(SHOT * turns)
+        self.budget.shots += 1
         found = closed(self.still, start, turns)
-        orbit = described(self.still, found, turns)
+        orbit = orbit_through(self.still, found, turns)
         if is_concrete(self.scene) or not bool(orbit.success):
-            return Try(orbit, orbit)
-        return Try(described(self.scene, found, turns), orbit)
+            return Attempt(orbit, orbit)
+        return Attempt(orbit_through(self.scene, found, turns), orbit)
 
     def approached(self, start: Array, turns: int) -> Root | None:
         """Return the section point near `start` that repeats, None if there is none.
@@ -203,13 +203,13 @@ class OrbitSearch(NamedTuple):
         By Newton's method, whose slopes are central differences of turns.
         """
         _LOG.info("Newton's method on section points for a period of %d", turns)
-        eye, now, rested = np.eye(start.size), begun(start), resting(self.still)
+        eye, now, rested = np.eye(start.size), first_iterate(start), resting(self.still)
         shifts = DIFFERENCE * np.concatenate([np.zeros((1, start.size)), eye, -eye])
         for _ in range(LOOKS):
             ends = point = np.asarray(now.point) + shifts
             for _ in range(turns):
                 ends, steps = self.runs.turn(ends, rested)
-                self.spent.steps += steps
+                self.budget.steps += steps
             above, below = np.split(ends[1:], 2)
             left, matrix = ends[0] - point[0], (above - below).T / (2 * DIFFERENCE) - eye
             now = advanced(now, left, matrix, NEAR_ENOUGH, LOOKS, least=LEAST_SHARE)
@@ -217,7 +217,7 @@ class OrbitSearch(NamedTuple):
                 return now if bool(now.success) else None
         return None
 
-    def by_shots(self, start: Array, turns: int, way: WAYS) -> Iterator[Try]:
+    def by_shots(self, start: Array, turns: int, way: WAYS) -> Iterator[Attempt]:
         """Yield the orbit near a section point: by nodes, or by shooting where it loses contact.
 
         A film has no contact to lose.
@@ -236,13 +236,13 @@ class OrbitSearch(NamedTuple):
         if self.can_shoot(state, turns):
             yield self.by_shooting(state, turns)
 
-    def doubled(self, orbit: PeriodicOrbit) -> Iterator[Try]:
-        """Yield tries from beside an unstable orbit until one leads to an orbit of twice its turns.
+    def doubled(self, orbit: PeriodicOrbit) -> Iterator[Attempt]:
+        """Yield attempts beside an unstable orbit until one leads to an orbit of twice its turns.
 
         They start along the disturbance that alternates in sign.
         """
         turns, start = 2 * orbit.period, orbit.section
-        if turns > self.spent.bounds.longest or not self.can_shoot(start, turns):
+        if turns > self.budget.bounds.longest or not self.can_shoot(start, turns):
             return
         found = self.approached(start, orbit.period)
         if found is None:
@@ -256,21 +256,21 @@ class OrbitSearch(NamedTuple):
                 if bool(one.orbit.success) and not _is_near(one.orbit.section, start):
                     return
 
-    def wait(self) -> Wait:
-        """Return the wait for the motion from rest, which has not begun."""
-        return Wait(self.still, self.spent, self.runs)
+    def transient(self) -> Transient:
+        """Return the transient for the motion from rest, which has not begun."""
+        return Transient(self.still, self.budget, self.runs)
 
 
 def searched(search: OrbitSearch, nodes: int | None) -> PeriodicOrbit:
-    """Return the stable orbit of a scene, with so many nodes a turn, or by all tries.
+    """Return the stable orbit of a scene, with so many nodes a turn, or by all attempts.
 
     If none is stable, it is the first unstable one, with what the motion from rest does instead; a
     failure says why.
     """
     if nodes is not None:
         return first_stable([search.by_nodes(search.guess, search.turns, nodes, nodes)])
-    wait = search.wait()
-    return first_stable(with_doubled(search, _tries(search, wait)), wait)
+    transient = search.transient()
+    return first_stable(with_doubled(search, _attempts(search, transient)), transient)
 
 
 def shot_for(search: OrbitSearch) -> PeriodicOrbit:
@@ -278,8 +278,8 @@ def shot_for(search: OrbitSearch) -> PeriodicOrbit:
 
     It starts from the section point of a guess, and then from means of turns of the transient.
     """
-    wait = search.wait()
-    return first_stable(_shots(search, wait), wait)
+    transient = search.transient()
+    return first_stable(_shots(search, transient), transient)
 
 
 def shot_once(scene: Scene, still: Scene, section: Array | None, turns: int) -> PeriodicOrbit:
@@ -288,48 +288,48 @@ def shot_once(scene: Scene, still: Scene, section: Array | None, turns: int) -> 
     It starts from a section point, or from the mean of the last half of 240 turns from rest.
     """
     if section is None:
-        states, *_ = section_points(resting_start(still), turns=TURNS, rtol=WAIT_RTOL)
+        states, *_ = section_points(resting_start(still), turns=TURNS, rtol=TRANSIENT_RTOL)
         section = jnp.asarray(about_means(states[TURNS // 2 :], turns)[0][-1])
-    return described(scene, closed(still, section, turns), turns)
+    return orbit_through(scene, closed(still, section, turns), turns)
 
 
-def first_stable(tries: Iterable[Try], wait: Wait | None = None) -> PeriodicOrbit:
+def first_stable(attempts: Iterable[Attempt], transient: Transient | None = None) -> PeriodicOrbit:
     """Return the first stable orbit, or else the first."""
-    found: list[Try] = []
+    found: list[Attempt] = []
     try:
-        for one in tries:
+        for one in attempts:
             found.append(one)
             if bool(one.orbit.stable) or _is_stiff(one.orbit):
                 break
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(_so_far(found, wait)) from None
+        raise KeyboardInterrupt(_so_far(found, transient)) from None
     first = next((one for one in found if bool(one.orbit.success)), found[0])
     sloped, orbit = found[-1] if bool(found[-1].orbit.stable) else first
     settled = bool(orbit.stable) or _is_stiff(orbit)
     # The result of an orbit whose slopes are asked for may be traced.
     sloped = dataclasses.replace(sloped, result=orbit.result)
-    if wait is None or settled:
+    if transient is None or settled:
         return sloped
-    regime = wait.regime()
-    sloped = dataclasses.replace(sloped, from_rest=regime, run=wait.statistics())
+    regime = transient.regime()
+    sloped = dataclasses.replace(sloped, from_rest=regime, run=transient.statistics())
     if bool(orbit.success):
         return sloped
-    return dataclasses.replace(sloped, result=regime or orbit.result, tried=str(wait.spent))
+    return dataclasses.replace(sloped, result=regime or orbit.result, tried=str(transient.budget))
 
 
-def _so_far(found: list[Try], wait: Wait | None) -> str:
+def _so_far(found: list[Attempt], transient: Transient | None) -> str:
     """Say what an interrupted search has come to."""
     orbit = next((one.orbit for one in found if bool(one.orbit.success)), None)
     seen = "no orbit yet" if orbit is None else f"an orbit. {orbit.instability}"
-    return seen if wait is None else f"{seen.rstrip('.')}. {wait.told()}"
+    return seen if transient is None else f"{seen.rstrip('.')}. {transient.explanation()}"
 
 
-def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
+def _attempts(search: OrbitSearch, transient: Transient) -> Iterator[Attempt]:
     """Yield what each try comes to, cheap ones first."""
-    scene, turns, bounds = search.still, search.turns, search.spent.bounds
+    scene, turns, bounds = search.still, search.turns, search.budget.bounds
     shot_from: list[tuple[int, Array]] = []
 
-    def shots(start: Array, turns: int, way: WAYS) -> Iterator[Try]:
+    def shots(start: Array, turns: int, way: WAYS) -> Iterator[Attempt]:
         """Yield what section points lead to.
 
         The mean of later turns may be where one led to an orbit: that is not started from again.
@@ -341,21 +341,21 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
             if bool(one.orbit.success):
                 shot_from.append((turns, start))
 
-    def waited(rest: Round) -> Iterator[Try]:
+    def waited(rest: Round) -> Iterator[Attempt]:
         """Yield what the means of turns lead to; those of chaos lead nowhere that is stable."""
         if rest.chaotic:
             return
         for turns, mean in rest.means(search.period, bounds.longest):
             yield from shots(mean, turns, WAYS.waiting)
 
-    def near_unresolved() -> Iterator[Try]:
+    def near_unresolved() -> Iterator[Attempt]:
         """Yield what lies near a motion that nodes do not resolve: it may lose contact."""
         if is_unresolved(first.orbit.result):
             yield from shots(first.orbit.section, turns, WAYS.unresolved)
 
     # An unbounded search needs the more nodes sooner or later: one program then serves all orbits.
     begin = NODES if bounds.bounded else 2 * NODES
-    first, rounds = search.first or search.by_nodes(search.guess, turns, begin), wait.rounds()
+    first, rounds = search.first or search.by_nodes(search.guess, turns, begin), transient.rounds()
     if turns == 1 and bool(first.orbit.stable) and bool(first.orbit.way == WAYS.damping):
         pins = pins_of(scene)
         section = np.asarray(first.orbit.section)[None, pins]
@@ -377,13 +377,13 @@ def _tries(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
         yield from near_unresolved()
 
 
-def with_doubled(search: OrbitSearch, tries: Iterable[Try]) -> Iterator[Try]:
-    """Yield tries; after an unstable orbit whose period has doubled, try twice its turns too.
+def with_doubled(search: OrbitSearch, attempts: Iterable[Attempt]) -> Iterator[Attempt]:
+    """Yield attempts; after an unstable orbit whose period has doubled, try twice its turns too.
 
-    A call that asks for a period has no such tries.
+    A call that asks for a period has no such attempts.
     """
     left: list[Array] = []
-    for one in tries:
+    for one in attempts:
         yield one
         orbit = one.orbit
         if search.period is not None or not _has_doubled(orbit):
@@ -406,15 +406,15 @@ def _is_near(one: Array, other: Array) -> bool:
     return bool(np.max(np.abs(one - other)) < NEAR)
 
 
-def _shots(search: OrbitSearch, wait: Wait) -> Iterator[Try]:
+def _shots(search: OrbitSearch, transient: Transient) -> Iterator[Attempt]:
     """Yield what shooting comes to."""
     if search.section is not None:
         yield search.by_shooting(search.section, search.turns)
-    for rest in wait.rounds():
-        for turns, mean in rest.means(search.period, search.spent.bounds.longest):
+    for rest in transient.rounds():
+        for turns, mean in rest.means(search.period, search.budget.bounds.longest):
             yield search.by_shooting(mean, turns)
     none = missing(search.still, search.turns, RESULTS.not_closed)
-    yield Try(none, none)
+    yield Attempt(none, none)
 
 
 def is_unresolved(result: RESULTS) -> bool:
@@ -423,5 +423,5 @@ def is_unresolved(result: RESULTS) -> bool:
 
 
 def _is_stiff(orbit: PeriodicOrbit) -> bool:
-    """Whether springs swing too fast for multipliers to be known; a wait takes minutes."""
+    """Whether springs swing too fast for multipliers to be known; a transient takes minutes."""
     return bool(orbit.success) and not bool(orbit.multipliers_error < 1)

@@ -49,7 +49,7 @@ def chained(
     return jax.lax.scan(lambda matrix, one: (one @ matrix, None), first, jacobians)[0]
 
 
-def along(
+def outputs_along(
     scene: Scene, state: Float[Array, " dims"], period: int, rtol: float, outputs: Chosen
 ) -> Passed:
     """Return the section point of an orbit and the outputs of all slices, with slopes.
@@ -58,11 +58,13 @@ def along(
     `state` has no slopes of its own. Turn by turn, one program serves all periods.
     """
     state = jax.lax.stop_gradient(state)
-    return _along(scene, state, period=period, rtol=rtol, outputs=outputs)
+    return _outputs_along(scene, state, period=period, rtol=rtol, outputs=outputs)
 
 
 @eqx.filter_custom_jvp
-def _along(scene: Scene, state: Array, *, period: int, rtol: float, outputs: Chosen) -> Passed:
+def _outputs_along(
+    scene: Scene, state: Array, *, period: int, rtol: float, outputs: Chosen
+) -> Passed:
     parts, x = [], state
     if not outputs:
         return state, {}
@@ -72,8 +74,8 @@ def _along(scene: Scene, state: Array, *, period: int, rtol: float, outputs: Cho
     return state, _joined(parts)
 
 
-@_along.def_jvp
-def _along_jvp(
+@_outputs_along.def_jvp
+def _outputs_along_jvp(
     primals: tuple, tangents: tuple, *, period: int, rtol: float, outputs: Chosen
 ) -> tuple[Passed, Passed]:
     (scene, state), (change, _) = primals, tangents
@@ -81,7 +83,7 @@ def _along_jvp(
     moving, fixed = eqx.partition(scene, moves)
     point, unravel = ravel_pytree(moving)
     # It has slopes of its own, by which second derivatives are right.
-    state, _ = _along(scene, state, period=period, rtol=rtol, outputs=())
+    state, _ = _outputs_along(scene, state, period=period, rtol=rtol, outputs=())
     build, parts, x = eqx.Partial(_combined, unravel=unravel, fixed=fixed), [], state
     for _ in range(period):
         x, slices, _ = sloped_turn(build, point, x, jnp.asarray(rtol), outputs)

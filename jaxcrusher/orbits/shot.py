@@ -16,7 +16,7 @@ from jaxcrusher.mechanism.snapshot import Observable
 from jaxcrusher.motion.tangents import same, sloped_turn
 from jaxcrusher.orbits.forced import can_be_shot, coordinates_seen, least_penetrations
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built, missing
-from jaxcrusher.orbits.section_map import along, chained
+from jaxcrusher.orbits.section_map import chained, outputs_along
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.multipliers import eigenvalues, matrix_error
 from jaxcrusher.periodic.shooting_problem import CLOSURE, COARSER
@@ -100,18 +100,20 @@ def integrated_multipliers(
     return eigenvalues(found.matrix, jnp.all(jnp.isfinite(found.matrix))), found.error
 
 
-def described(scene: Scene, found: Closed, period: int) -> PeriodicOrbit:
+def orbit_through(scene: Scene, found: Closed, period: int) -> PeriodicOrbit:
     """Return the orbit through a section point, with slopes by the numbers of `scene`."""
     outputs = scene.entries()
     seen_too = outputs + PATH
     # Of the same outputs, by the same program.
-    _, rough = along(without_slopes(scene), found.state, period, COARSER * ORBIT_RTOL, seen_too)
-    section, seen = along(scene, found.state, period, ORBIT_RTOL, seen_too)
-    return _described(scene, found, period, outputs, section, seen, rough[scene.leading])
+    _, rough = outputs_along(
+        without_slopes(scene), found.state, period, COARSER * ORBIT_RTOL, seen_too
+    )
+    section, seen = outputs_along(scene, found.state, period, ORBIT_RTOL, seen_too)
+    return _orbit_through(scene, found, period, outputs, section, seen, rough[scene.headline])
 
 
 @eqx.filter_jit
-def _described(
+def _orbit_through(
     scene: Scene,
     found: Closed,
     period: int,
@@ -122,7 +124,7 @@ def _described(
 ) -> PeriodicOrbit:
     table, path = dict(outputs), _path(seen)
     values = {name: of_slices(table[name].reduction, seen[name], period) for name in table}
-    apart = of_slices(table[scene.leading].reduction, rough, period) / values[scene.leading] - 1
+    apart = of_slices(table[scene.headline].reduction, rough, period) / values[scene.headline] - 1
     good = found.result == newton.RESULTS.successful
     result = RESULTS.promote(newton.RESULTS.successful)
     return built(
@@ -150,14 +152,14 @@ def shoot(scene: Scene, guess: Float[ArrayLike, " dims"], period: int) -> Period
     if not can_be_shot(scene, guess):
         return missing(scene, period, RESULTS.not_closed)
     still, start = without_slopes((scene, jnp.asarray(guess, float)))
-    return described(scene, closed(still, start, period), period)
+    return orbit_through(scene, closed(still, start, period), period)
 
 
 def least_penetrations_from(
     scene: Scene, state: Float[ArrayLike, " dims"], period: int
 ) -> Float[Array, " joints"]:
     """Return `jaxcrusher.orbits.forced.least_penetrations` of dry joints from a section point."""
-    _, seen = along(scene, jnp.asarray(state), period, ORBIT_RTOL, PATH)
+    _, seen = outputs_along(scene, jnp.asarray(state), period, ORBIT_RTOL, PATH)
     return least_penetrations(_path(seen), scene.dry)
 
 

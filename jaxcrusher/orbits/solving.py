@@ -20,7 +20,7 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import flat
 from jaxcrusher.orbits import forced
-from jaxcrusher.orbits.lowering import lowered
+from jaxcrusher.orbits.damping_homotopy import continued_in_damping
 from jaxcrusher.orbits.result import RESULTS, WAYS, PeriodicOrbit, built
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.collocation import Unfactored, attached, collocate
@@ -123,7 +123,7 @@ def of_nodes(
     return Nodes(x, result, jnp.asarray(steps), found, errors, closure, way)
 
 
-def solved(
+def orbit_nodes(
     scene: Scene, guess: Float[Array, "angles dims"] | None, period: int, nodes: int
 ) -> tuple[Nodes, Factors]:
     """Return the orbit near a guess, and the factors for its slopes.
@@ -134,8 +134,8 @@ def solved(
     dual, which few orbits need, are further programs, which others do not compile.
     """
     if not is_concrete((scene, guess)):
-        return _solved(scene, guess, period, nodes, COUNTS)
-    found, factors = _solved(scene, guess, period, nodes, COUNTS[:1])
+        return _orbit_nodes(scene, guess, period, nodes, COUNTS)
+    found, factors = _orbit_nodes(scene, guess, period, nodes, COUNTS[:1])
     if bool(found.result == newton.RESULTS.successful):
         for steps in COUNTS[1:]:
             if not bool(found.multipliers.error <= UNSURE):
@@ -148,7 +148,7 @@ def solved(
 
 
 @eqx.filter_jit
-def _solved(
+def _orbit_nodes(
     scene: Scene, guess: Array | None, period: int, nodes: int, counts: tuple[int, ...]
 ) -> tuple[Nodes, Factors]:
     @design_by_design
@@ -157,7 +157,7 @@ def _solved(
         if guess is not None:
             at_rest = ~jnp.all(jnp.isfinite(guess))
             rest = jnp.where(at_rest, rest, resample(guess, nodes))
-        root = lowered(scene, period, rest, at_rest)
+        root = continued_in_damping(scene, period, rest, at_rest)
         way = WAYS.where(root.by_damping, WAYS.damping, WAYS.where(at_rest, WAYS.rest, WAYS.guess))
         system, result = forced.system(scene, period), root.result
         factors = root.factors if counts == COUNTS else None
@@ -214,16 +214,16 @@ def _with_statistics(
     scene: Scene, found: Nodes, factors: Factors | Unfactored, period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     system = forced.system(scene, period)
-    return described(system, found, attached(system, found.x, factors), period, outputs)
+    return orbit_of_nodes(system, found, attached(system, found.x, factors), period, outputs)
 
 
-def solved_as_needed(scene: Scene, still: Scene, guess: Array | None, period: int) -> PeriodicOrbit:
+def refined_orbit(scene: Scene, still: Scene, guess: Array | None, period: int) -> PeriodicOrbit:
     """Return the orbit with 96 nodes a turn, or with 384 where these leave the RMS unsettled.
 
     `still` is the scene without slopes.
     """
     found = _refined(still, guess, period)
-    return _refined_described(scene, found, period, scene.entries())
+    return _refined_orbit_with_slopes(scene, found, period, scene.entries())
 
 
 class _Refined(eqx.Module):
@@ -241,7 +241,7 @@ def _refined(scene: Scene, guess: Array | None, period: int) -> _Refined:
 
     @design_by_design
     def found(scene: Scene, guess: Array | None) -> _Refined:
-        few, factors = _solved(scene, guess, period, NODES * period, COUNTS[:1])
+        few, factors = _orbit_nodes(scene, guess, period, NODES * period, COUNTS[:1])
         # Where Newton's method fails more nodes are of no use.
         failed = few.result != newton.RESULTS.successful
         settled = (few.node_errors.rms <= SETTLED) & ~few.doubted
@@ -260,7 +260,7 @@ def _refined(scene: Scene, guess: Array | None, period: int) -> _Refined:
 
 
 @eqx.filter_jit
-def _refined_described(
+def _refined_orbit_with_slopes(
     scene: Scene, found: _Refined, period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     """Return the orbit, with slopes by the equations of the nodes that settled it."""
@@ -271,10 +271,10 @@ def _refined_described(
         lambda system: attached(system, found.orbit.x, Unfactored(~found.settled)),
         system,
     )
-    return described(system, found.orbit, x, period, outputs)
+    return orbit_of_nodes(system, found.orbit, x, period, outputs)
 
 
-def described(
+def orbit_of_nodes(
     system: System, found: Nodes, x: Float[Array, "nodes dims"], period: int, outputs: Chosen
 ) -> PeriodicOrbit:
     """Return the orbit through `x`: the nodes found, moving with the numbers of `system`."""
@@ -358,7 +358,7 @@ def _statistics(
         return how.of_pieces(jax.vmap(how.of_samples)(by_turn))
 
     values = {name: reduce(name) for name in statistics}
-    error = jnp.abs(reduce(scene.leading, 2) / values[scene.leading] - 1)
+    error = jnp.abs(reduce(scene.headline, 2) / values[scene.headline] - 1)
     joints = [scene.joints.names[i] for i in scene.dry]
     names = [f"{scene.prefix(joint)}penetration_ratio" for joint in joints]
     depths = [jnp.min(_finer(samples[statistics[name].quantity])) for name in names]

@@ -24,7 +24,7 @@ from jaxcrusher.motion.flow import initial_state, unflattened
 from jaxcrusher.motion.method import Method, resolve
 from jaxcrusher.motion.section import fine, first_failure
 from jaxcrusher.motion.statistics import Statistics, by_turns, of_whirl
-from jaxcrusher.orbits.effort import PIECE, Spent
+from jaxcrusher.orbits.effort import PIECE, Budget
 from jaxcrusher.orbits.forced import coordinates
 from jaxcrusher.orbits.oscillation import about_means
 from jaxcrusher.orbits.result import RESULTS
@@ -36,7 +36,7 @@ from jaxcrusher.orbits.shot import PATH
 TURNS = 240
 # The integration's tolerance: at 1e-6 the method feeds a swing as much as the joint damps it; at
 # 1e-7 it changes the decay by 5 to 14 %. No decay is judged by it.
-WAIT_RTOL = 1e-7
+TRANSIENT_RTOL = 1e-7
 # That of turns whose differences are slopes.
 FINE = 1e-8
 # How much narrower a motion of p turns must be about the means of every p-th turn than about the
@@ -75,7 +75,7 @@ _section_points = eqx.filter_jit(section_points)  # what is jitted in a module c
 
 def piece(case: SceneAt, most: int | None = None) -> NextTurns:
     """Return the next `PIECE` turns from a section point, in `most` steps each."""
-    return _section_points(case, turns=PIECE, rtol=WAIT_RTOL, most=most)
+    return _section_points(case, turns=PIECE, rtol=TRANSIENT_RTOL, most=most)
 
 
 @eqx.filter_jit
@@ -200,14 +200,14 @@ class Round:
         return float(np.sqrt(np.mean(about_means(self.states, period)[1] ** 2)))
 
 
-class Wait:
+class Transient:
     """The motion of a scene from its pins at rest, integrated as far as it is asked for.
 
     It is integrated in pieces of whole turns, within an effort.
     """
 
-    def __init__(self, scene: Scene, spent: Spent, runs: Lone | None = None) -> None:
-        self._own, self.spent, self._runs = scene, spent, runs or Lone()
+    def __init__(self, scene: Scene, budget: Budget, runs: Lone | None = None) -> None:
+        self._own, self.budget, self._runs = scene, budget, runs or Lone()
         self._rested: SceneAt | None = None
         self._ended: Array | None = None  # the state after all turns so far
         self._values: list[dict[str, Any]] = []  # of each piece
@@ -215,7 +215,7 @@ class Wait:
         self._end: RESULTS | None = None  # why no further turns lead to an orbit
 
     @property
-    def _begun(self) -> SceneAt:
+    def _rest(self) -> SceneAt:
         """Return its pins at rest, once it is asked for: most orbits need no wait.
 
         In Python 3.11 `functools.cached_property` would let one search wait for another's.
@@ -227,11 +227,11 @@ class Wait:
     @property
     def start(self) -> Array:
         """Return the state with its pins at rest."""
-        return self._begun[0]
+        return self._rest[0]
 
     def piece(self, state: Array) -> NextTurns:
         """Return the next `PIECE` turns from a state."""
-        return self._runs.piece((state, self._begun[1]), self.spent.most)
+        return self._runs.piece((state, self._rest[1]), self.budget.most)
 
     @property
     def _state(self) -> Array:
@@ -244,24 +244,24 @@ class Wait:
         with the turns so far where the effort has no steps for a piece and a check of growth.
         """
         seen = np.zeros((0, len(self._state)))
-        last = self.spent.bounds.turns // TURNS - 1
+        last = self.budget.bounds.turns // TURNS - 1
         for turn in range(last + 1):
             _LOG.info("waiting: turns %d to %d from rest", turn * TURNS + 1, (turn + 1) * TURNS)
-            while len(seen) < (turn + 1) * TURNS and self.spent.affords(2 * PIECE):
+            while len(seen) < (turn + 1) * TURNS and self.budget.affords(2 * PIECE):
                 begun = self._state
                 states, values, outcome = self.piece(begun)
-                self.spent.integrated(outcome, PIECE)
+                self.budget.integrated(outcome, PIECE)
                 if not bool(outcome.success):
                     long = bool(outcome.result == integration.RESULTS.max_steps_reached)
                     self._end = RESULTS.too_long if long else RESULTS.not_integrated
                     return
-                self.spent.turns += PIECE
+                self.budget.turns += PIECE
                 self._values.append(values)
                 seen, self._ended = np.concatenate([seen, states]), jnp.asarray(states[-1])
-                if bool(whirls(self._begun[1], values)):
+                if bool(whirls(self._rest[1], values)):
                     self._end = RESULTS.whirl
                     return
-            ends = not self.spent.affords(2 * PIECE)
+            ends = not self.budget.affords(2 * PIECE)
             if len(seen) and (turn & (turn + 1) == 0 or ends):  # a power of two, or the last
                 growth = self.growth(begun, seen[-1])
                 self._last = Round(seen[len(seen) // 2 :], growth)
@@ -275,17 +275,17 @@ class Wait:
         """Return the statistics of the last half of the integrated turns; None without turns."""
         if not self._values:
             return None
-        scene, first = self._begun[1], len(self._values) // 2
+        scene, first = self._rest[1], len(self._values) // 2
         known = scene.entries(tuple(self._values[first]))
         by_turn = {n: jnp.concatenate([v[n] for v in self._values[first:]]) for n, _ in known}
         values = {name: one.reduction.of_pieces(by_turn[name]) for name, one in known}
         turns = PIECE * (len(self._values) - first)
         return Statistics(turns, fine(), values, by_turn, self._state, known=known)
 
-    def told(self) -> str:
+    def explanation(self) -> str:
         """Say what was tried and, if turns were integrated, what the motion does."""
-        regime = self.regime() if self.spent.turns else None
-        return str(self.spent) if regime is None else f"{words(RESULTS, regime)} {self.spent}"
+        regime = self.regime() if self.budget.turns else None
+        return str(self.budget) if regime is None else f"{words(RESULTS, regime)} {self.budget}"
 
     def regime(self) -> RESULTS | None:
         """Name the kind of a motion without an orbit; None if it was not integrated."""
@@ -296,5 +296,5 @@ class Wait:
     def growth(self, begun: Array, end: Float[np.ndarray, " dims"]) -> float:
         """Return the growth of a disturbance by `growth_of`, over a piece between two states."""
         beside, _, outcome = self.piece(begun + APART / np.sqrt(begun.size))
-        self.spent.integrated(outcome, PIECE)
+        self.budget.integrated(outcome, PIECE)
         return float(growth_of(end, np.asarray(beside)[-1]))

@@ -45,7 +45,7 @@ class Point:
 
     u: np.ndarray
     value: float  # of the parameter, in its scale
-    along: Float[np.ndarray, " both"]  # of both, of length one
+    tangent: Float[np.ndarray, " both"]  # of both, of length one
     monodromy: Float[np.ndarray, "states states"]
     multipliers: Complex[np.ndarray, " states"]  # its eigenvalues
     monitors: Float[np.ndarray, " watched"]
@@ -151,7 +151,7 @@ def _followed(
         return Branch(problem, scale, [], OUTSIDE)
     found, length = [here], stride.first
     while len(found) < points:
-        there = corrected(problem, u.shape, scale, here.place + length * here.along, here.along)
+        there = corrected(problem, u.shape, scale, here.place + length * here.tangent, here.tangent)
         lost = there is None or not _reached(problem, here, there, length, stride)
         if there is None or lost or (length > 2 * stride.shortest and _leapt(here, there)):
             length *= SHRINKAGE
@@ -181,8 +181,8 @@ def _followed(
             return Branch(problem, scale, found, OUTSIDE)
         back = found[0].place - there.place
         near = np.sqrt(inner(problem, back, back)) < length
-        if near and len(found) > CLOSED and inner(problem, found[0].along, there.along) > 0:
-            if not inner(problem, back, there.along) > 0:  # past it, where events are known
+        if near and len(found) > CLOSED and inner(problem, found[0].tangent, there.tangent) > 0:
+            if not inner(problem, back, there.tangent) > 0:  # past it, where events are known
                 found.pop()
             found.append(found[0])  # an event may lie on what is left
             return Branch(problem, scale, found, LOOP)
@@ -202,7 +202,7 @@ def corrected(
     # In NumPy: what shooting does with them between its programs needs no program more.
     unit = np.asarray(scale, float)
     equations = Bordered(problem=problem, guess=guess, across=across, scale=unit, shape=shape)
-    root = problem.solved(equations)
+    root = problem.find_zero(equations)
     if root is None:
         return None
     u, value = root.unknowns[:-1].reshape(shape), float(root.unknowns[-1])
@@ -244,9 +244,9 @@ def _reached(
     problem: AbstractPeriodicProblem, here: Point, there: Point, length: float, stride: Stride
 ) -> bool:
     """Whether a step has stayed on its branch."""
-    off = there.place - here.place - length * here.along
+    off = there.place - here.place - length * here.tangent
     astray = np.sqrt(inner(problem, off, off))
-    turned = inner(problem, there.along, here.along)
+    turned = inner(problem, there.tangent, here.tangent)
     return bool(turned > LEAST_COSINE and astray <= stride.straight * length)
 
 

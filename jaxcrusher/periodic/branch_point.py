@@ -24,7 +24,7 @@ from jaxcrusher.periodic.branch import Point, inner, point_of
 from jaxcrusher.periodic.problem import (
     AbstractEquations,
     AbstractPeriodicProblem,
-    linearised_by_both,
+    residual_and_jacobian_by_both,
 )
 
 # Steps of the central differences of a Jacobian, in the unit of the unknowns. They do not move the
@@ -42,7 +42,7 @@ class Crossing(AbstractEquations):
     scale: Array
     shape: tuple[int, ...] = eqx.field(static=True)
 
-    def linearised(self, unknowns: Any) -> tuple[Array, Array, Any]:
+    def residual_and_jacobian(self, unknowns: Any) -> tuple[Array, Array, Any]:
         """Return the residual, its Jacobian, and what else the evaluation told."""
         both, unfolding = unknowns[:-1], unknowns[-1]
         residual, jacobian, seen = self._of_orbit(both)
@@ -51,14 +51,16 @@ class Crossing(AbstractEquations):
         unit = jnp.eye(len(bordered))
         ways = jnp.linalg.solve(bordered, unit[:, -2:])  # v, and below it g
         adjoint = jnp.linalg.solve(bordered.T, unit[-1])[:-2]
-        slopes = [jnp.append(-adjoint @ self._bend(both, way), 0.0) for way in ways[:-1].T]
+        slopes = [
+            jnp.append(-adjoint @ self._jacobian_derivative(both, way), 0.0) for way in ways[:-1].T
+        ]
         left = jnp.append(residual + unfolding * self.left, ways[-1])
         return left, jnp.concatenate([rows, jnp.stack(slopes)]), seen
 
     def _of_orbit(self, both: Any) -> tuple[Array, Array, Any]:
-        return linearised_by_both(self.problem, both, self.scale, self.shape)
+        return residual_and_jacobian_by_both(self.problem, both, self.scale, self.shape)
 
-    def _bend(self, both: Any, way: Array) -> Array:
+    def _jacobian_derivative(self, both: Any, way: Array) -> Array:
         """Return the derivative of the orbit's Jacobian along a way."""
         before, after = (self._of_orbit(both + step * way)[1] for step in (-DIFFERENCE, DIFFERENCE))
         return (after - before) / (2 * DIFFERENCE)
@@ -77,7 +79,7 @@ def branch_point(
     `guess` and `along` are of u and p / scale, `along` the direction of one of the branches.
     """
     place, unit = jnp.asarray(guess), jnp.asarray(scale, float)
-    jacobian = np.asarray(linearised_by_both(problem, place, unit, shape)[1])
+    jacobian = np.asarray(residual_and_jacobian_by_both(problem, place, unit, shape)[1])
     if not np.isfinite(jacobian).all():
         return None
     lefts, sizes, rights = np.linalg.svd(jacobian)
@@ -90,7 +92,7 @@ def branch_point(
         scale=unit,
         shape=shape,
     )
-    root = problem.solved(equations)
+    root = problem.find_zero(equations)
     # With an unfolding the orbit is none of the problem.
     if root is None or abs(root.unknowns[-1]) > problem.stride.located:
         return None

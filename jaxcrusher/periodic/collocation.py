@@ -46,11 +46,11 @@ def collocate(
     system_now, guess = jax.lax.stop_gradient((system, jnp.asarray(guess, float)))
     shape = guess.shape
 
-    def linearised(x: Array) -> tuple[Array, Array]:
-        left, matrix = system_now.linearised(x.reshape(shape))
+    def residual_and_jacobian(x: Array) -> tuple[Array, Array]:
+        left, matrix = system_now.residual_and_jacobian(x.reshape(shape))
         return left.ravel(), matrix.reshape(guess.size, guess.size)
 
-    root = newton(linearised, guess.ravel(), tolerance, max_steps)
+    root = newton(residual_and_jacobian, guess.ravel(), tolerance, max_steps)
     x = jnp.where(root.success, root.point, jnp.nan).reshape(shape)
     return attached(system, x, root.factors), root
 

@@ -67,7 +67,7 @@ class CollocationProblem(AbstractPeriodicProblem):
 
     def linearised(self, u: Float[Array, "nodes dims"], p: Parameters) -> Linearised:
         """Return the residual with its derivatives by u and by p."""
-        left, matrix = self.family(p).linearised(u)
+        left, matrix = self.family(p).residual_and_jacobian(u)
         # Of few numbers: forward each costs a residual more.
         columns = jax.jacfwd(lambda p: self.family(p).residual(u))(p)
         return Linearised(left, matrix.reshape(u.size, u.size), columns)
@@ -97,9 +97,9 @@ class CollocationProblem(AbstractPeriodicProblem):
         value, by_nodes = jax.value_and_grad(lambda u: self.watch(u)[which])(u)
         return Vanishing(value, (by_nodes, jnp.zeros_like(p)))
 
-    def solved(self, equations: AbstractEquations) -> Zero | None:
+    def find_zero(self, equations: AbstractEquations) -> Zero | None:
         """Return the zero near the guess, found by one program; None if there is none."""
-        return zero_of(_solved(equations))
+        return zero_of(_find_zero(equations))
 
     def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
         """Return the matrix that the variational equations give, in as many steps as it needs."""
@@ -145,8 +145,8 @@ class CollocationProblem(AbstractPeriodicProblem):
 
 
 @eqx.filter_jit
-def _solved(equations: AbstractEquations) -> Root:
-    linearised = lambda unknowns: equations.linearised(unknowns)[:2]  # noqa: E731
+def _find_zero(equations: AbstractEquations) -> Root:
+    linearised = lambda unknowns: equations.residual_and_jacobian(unknowns)[:2]  # noqa: E731
     return newton(linearised, jnp.asarray(equations.guess), TOLERANCE, MOST_CORRECTIONS)
 
 

@@ -89,9 +89,9 @@ class EventCurve(AbstractPeriodicProblem):
         of = ZERO_OF[CROSSING if self.kind == FOLD else self.kind]
         return self.base.vanishing(of, x, both, seen)
 
-    def solved(self, equations: AbstractEquations) -> Zero | None:
+    def find_zero(self, equations: AbstractEquations) -> Zero | None:
         """Return the zero near the guess, None if there is none."""
-        return self.base.solved(equations)
+        return self.base.find_zero(equations)
 
     def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
         """Return the monodromy matrix of the orbit."""
@@ -175,7 +175,7 @@ def cusps(branch: Branch) -> list[Special]:
 
     def way(point: Point) -> Float[np.ndarray, "2"]:
         """Return the direction of both parameters, in their scales."""
-        return np.array([size * point.along[-2], point.along[-1]])
+        return np.array([size * point.tangent[-2], point.tangent[-1]])
 
     for here, there in itertools.pairwise(branch.points):
         turn = way(here) - way(there)

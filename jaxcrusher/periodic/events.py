@@ -98,7 +98,7 @@ def special_points(branch: Branch) -> list[Special]:
                 exact = _Piece(branch, *branch.points[i : i + 2]).crossing(where - i)
                 point = point if exact is None else exact
             turns = problem.period if point is None else point.turns
-            if kind == CROSSING and point is not None and abs(point.along[-1]) < STEEP:
+            if kind == CROSSING and point is not None and abs(point.tangent[-1]) < STEEP:
                 continue
             if kind == PAIR and point is not None and not leaves_circle(point.multipliers):
                 continue
@@ -114,7 +114,7 @@ def tests(branch: Branch) -> dict[str, Test]:
     watched = branch.problem.watched
     joints = {kind: lambda point, i=i: float(point.monitors[i]) for i, kind in enumerate(watched)}
     return {
-        FOLD: lambda point: float(point.along[-1]),
+        FOLD: lambda point: float(point.tangent[-1]),
         **{
             kind: lambda point, of=of: float(of(jnp.asarray(point.monodromy)))
             for kind, of in ZERO_OF.items()
@@ -218,7 +218,9 @@ class _Piece:
         size = np.sqrt(inner(problem, chord, chord))
         self._branch, self._across, self._size = branch, chord / size, size
         # A cubic through both, along the branch at both ends, is near it in between.
-        ends = [size * one.along / inner(problem, one.along, self._across) for one in (here, there)]
+        ends = [
+            size * one.tangent / inner(problem, one.tangent, self._across) for one in (here, there)
+        ]
         self._curve = CubicHermiteSpline([0, 1], [here.place, there.place], ends)
         self._known = {0.0: here, 1.0: there}
         self.tolerance = problem.stride.located  # a share, to which a place is located
@@ -281,7 +283,7 @@ def sharp_points(branch: Branch) -> list[Special]:
     way off it. Events of one kind that move to the same orbit are one event.
     """
     found: list[Special] = []
-    steep = lambda point: point is None or abs(point.along[-1]) >= STEEP  # noqa: E731
+    steep = lambda point: point is None or abs(point.tangent[-1]) >= STEEP  # noqa: E731
     for special in special_points(branch):
         one = sharpened(branch, special)
         again = any(_is_same(branch, one, other) for other in found)
@@ -336,12 +338,12 @@ def sharpened(branch: Branch, special: Special) -> Special:
 
 def _relocated(branch: Branch, kind: str, point: Point, *, finer: bool) -> Point:
     """Return where an event of a kind is near a point, by finer or coarser equations."""
-    problem, ways = branch.problem, (point.u, point.along[:-1].reshape(point.u.shape))
+    problem, ways = branch.problem, (point.u, point.tangent[:-1].reshape(point.u.shape))
     both = [problem.resolved(one, finer) for one in ways]
     if both[0] is None or both[1] is None:
         raise _Lost
     (other, u), (_, way) = both[0], both[1]
-    place, along = np.append(u, point.value), np.append(way, point.along[-1])
+    place, along = np.append(u, point.value), np.append(way, point.tangent[-1])
     if kind == CROSSING:
         crossing = branch_point(other, u.shape, branch.scale, place, along, FURTHEST)
         if crossing is not None:

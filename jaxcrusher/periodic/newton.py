@@ -62,7 +62,7 @@ class Root(Printed):
 
 
 @jax.jit
-def begun(guess: Float[Array, " n"]) -> Root:
+def first_iterate(guess: Float[Array, " n"]) -> Root:
     """Return the method before it has looked at its guess."""
     eye, none, whole = jnp.eye(guess.size), jnp.zeros_like(guess), jnp.ones(())
     factors = eye, jnp.arange(guess.size, dtype=jnp.int32)
@@ -118,7 +118,7 @@ def advanced(
 
 
 def newton(
-    linearised: Callable[[Array], tuple[Array, Array]],
+    residual_and_jacobian: Callable[[Array], tuple[Array, Array]],
     guess: Float[Array, " n"],
     tolerance: float | Scalar,
     max_steps: int | Int[Array, ""],
@@ -131,9 +131,9 @@ def newton(
     limits = tolerance, jnp.asarray(max_steps, int)
 
     def advance(now: Root) -> Root:
-        return advanced(now, *linearised(now.point), *limits)
+        return advanced(now, *residual_and_jacobian(now.point), *limits)
 
-    return jax.lax.while_loop(lambda now: ~now.done, advance, begun(guess))
+    return jax.lax.while_loop(lambda now: ~now.done, advance, first_iterate(guess))
 
 
 def _foreseen(expected: Array, moved: Scalar, step: Array, least: float | Scalar) -> Scalar:

@@ -89,7 +89,7 @@ class AbstractPeriodicProblem(eqx.Module):
         """Return the defect at a zero: the exact equations' residual, in the shape of this one."""
 
     @abstractmethod
-    def solved(self, equations: "AbstractEquations") -> Zero | None:
+    def find_zero(self, equations: "AbstractEquations") -> Zero | None:
         """Return the zero near the guess and further results there; None if there is none."""
 
     @abstractmethod
@@ -139,11 +139,11 @@ class AbstractEquations(eqx.Module):
     guess: eqx.AbstractVar[Array | np.ndarray]
 
     @abstractmethod
-    def linearised(self, unknowns: Any) -> tuple[Array, Array, Any]:
+    def residual_and_jacobian(self, unknowns: Any) -> tuple[Array, Array, Any]:
         """Return the residual, its Jacobian, and what else the evaluation told."""
 
 
-def linearised_by_both(
+def residual_and_jacobian_by_both(
     problem: AbstractPeriodicProblem, both: Any, scale: Array | np.ndarray, shape: tuple[int, ...]
 ) -> tuple[Array, Array, Any]:
     """Return a problem's residual, its Jacobian by u and p / scale, and what else it told."""
@@ -161,9 +161,11 @@ class Bordered(AbstractEquations):
     scale: Array | np.ndarray
     shape: tuple[int, ...] = eqx.field(static=True)
 
-    def linearised(self, both: Any) -> tuple[Array, Array, Any]:
+    def residual_and_jacobian(self, both: Any) -> tuple[Array, Array, Any]:
         """Return the residual, its Jacobian, and what else the evaluation told."""
-        residual, rows, seen = linearised_by_both(self.problem, both, self.scale, self.shape)
+        residual, rows, seen = residual_and_jacobian_by_both(
+            self.problem, both, self.scale, self.shape
+        )
         size = len(self.across) - 1
         normal = self.across * np.append(np.full(size, self.problem.weight(size)), 1.0)
         left = jnp.append(residual, normal @ (both - self.guess))

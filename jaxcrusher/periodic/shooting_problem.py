@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Scalar
 
-from jaxcrusher.periodic.newton import advanced, begun
+from jaxcrusher.periodic.newton import advanced, first_iterate
 from jaxcrusher.periodic.problem import (
     MOST_CORRECTIONS,
     AbstractEquations,
@@ -103,7 +103,7 @@ class ShootingProblem(AbstractPeriodicProblem):
         """Return the states where slices begin, the section point first."""
         return np.asarray(u).reshape(self.period * self.slices, -1)
 
-    def along(self, section: Float[ArrayLike, " dims"], p: Any) -> Float[np.ndarray, " n"]:
+    def unknowns_from(self, section: Float[ArrayLike, " dims"], p: Any) -> Float[np.ndarray, " n"]:
         """Return the unknowns of the motion from a section point."""
         states, point = np.tile(section, (self.slices, 1)), jnp.asarray(p, float).reshape(-1)
         rtol, found = jnp.asarray(self.rtol), []
@@ -143,12 +143,12 @@ class ShootingProblem(AbstractPeriodicProblem):
         """Return zeros: the integrator's tolerance is far below a step along a branch."""
         return np.zeros(np.shape(u))
 
-    def solved(self, equations: AbstractEquations) -> Zero | None:
+    def find_zero(self, equations: AbstractEquations) -> Zero | None:
         """Return the zero near the guess, None if there is none."""
         limits = CLOSURE, MOST_CORRECTIONS, NOISE, LEAST_SHARE
-        now = begun(jnp.asarray(equations.guess))
+        now = first_iterate(jnp.asarray(equations.guess))
         for _ in range(MOST_CORRECTIONS):
-            left, jacobian, seen = equations.linearised(np.asarray(now.point))
+            left, jacobian, seen = equations.residual_and_jacobian(np.asarray(now.point))
             now = advanced(now, left, jacobian, *limits)
             if bool(now.done):
                 return zero_of(now, seen)

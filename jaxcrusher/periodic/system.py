@@ -35,7 +35,7 @@ class System(Printed):
         found = one_by_one(self.acceleration, (times, x, rate), self.args)
         return found - second - self._damped(rate)
 
-    def linearised(
+    def residual_and_jacobian(
         self, x: Float[Array, "nodes dims"]
     ) -> tuple[Float[Array, "nodes dims"], Float[Array, "nodes dims nodes dims"]]:
         """Return the residual and its Jacobian: full by differentiation of x, in blocks by f."""

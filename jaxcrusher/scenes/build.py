@@ -49,17 +49,17 @@ from jaxcrusher.mechanism.supports import AbstractFoundation, Clamped, OnSupport
 from jaxcrusher.mechanism.topology import FRAME
 from jaxcrusher.scenes.load_curve import load_curve
 from jaxcrusher.scenes.machine import AbstractStructure, Machine
-from jaxcrusher.scenes.own_laws import built, check_described, is_own, law_numbers
+from jaxcrusher.scenes.own_laws import built, check_description, is_own, law_numbers
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
     CHOICES,
     LAWS,
+    LOOSE_JOINTS,
     NUMBERS,
     PAPER_CHAMBER,
     PE250X400,
     POINTS,
     SITE,
-    WORN_JOINTS,
     Parameter,
     Value,
     check_number,
@@ -121,13 +121,13 @@ def build_scene(values: Mapping[str, Value]) -> Scene:
     last one for all clearances at once.
     """
     require_x64()
-    numbers = check_described(values)
+    numbers = check_description(values)
     v = within_limits(complete(values), numbers)
     linkage, drive = build_linkage(v), drive_of(v)
     load, foundation, rod = _fed(_load(v, linkage), v), foundation_of(v), _rod(v, linkage)
     loose = {} if v["joint"] == "ideal" else {"main": joint_of(v, "")}
-    worn = {joint: joint_of(v, f"{joint}.") for joint in WORN_JOINTS if f"{joint}.clearance" in v}
-    for film in (f"{joint}.film.viscosity" for joint in WORN_JOINTS if joint not in worn):
+    worn = {joint: joint_of(v, f"{joint}.") for joint in LOOSE_JOINTS if f"{joint}.clearance" in v}
+    for film in (f"{joint}.film.viscosity" for joint in LOOSE_JOINTS if joint not in worn):
         gap = film.replace("film.viscosity", "clearance")
         require(film not in v, film, f"come with `{gap}`", "alone")
     loose |= worn
@@ -530,7 +530,7 @@ class Crusher(AbstractStructure):
 
         Raises ValueError as `check_described` and `complete` do.
         """
-        check_described(values)
+        check_description(values)
         return complete(values)
 
     def scene(self, values: Mapping[str, Any]) -> Scene:

@@ -232,7 +232,7 @@ _NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True)
-class Drawing(AbstractStructure):
+class LinkageStructure(AbstractStructure):
     """The bodies of a linkage, and what ties them together.
 
     The numbers and choices have the names of a file, and SI units. Two drawings of one
@@ -562,7 +562,7 @@ class _Tables:
 
 def drawn(
     entries: Iterable[tuple[str, Any]], folder: Path = Path()
-) -> tuple[Drawing, list[tuple[str, Any]], list[str]]:
+) -> tuple[LinkageStructure, list[tuple[str, Any]], list[str]]:
     """Return the drawing of a description, its numbers and choices, and which sides it leaves out.
 
     The numbers and choices are as they are written, each by its name. Raises ValueError of one line
@@ -585,7 +585,7 @@ def drawn(
     for item, body, _ in forces:
         require(body != FRAME, f"forces.{item}.body", "be a body that moves", repr(FRAME))
     sides, left = tables.sides(_groups(joints, slides, bodies, crank))
-    drawing = Drawing(**tied | {"crank": crank, "bodies": bodies, "sides": sides})
+    drawing = LinkageStructure(**tied | {"crank": crank, "bodies": bodies, "sides": sides})
     return drawing, list(tables.entries.items()), left
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.files.results import tell
-from jaxcrusher.files.told import Row, Summary, Told
+from jaxcrusher.files.summary import Row, Summarised, Summary
 from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.scenes.parameters import DRAWN_IN, NUMBERS, Parameter
 from jaxcrusher.scenes.units import said
@@ -141,7 +141,7 @@ class Family:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Machine(Told):
+class Machine(Summarised):
     """A structure with its numbers and choices, as a file describes it.
 
     `machine.scene()` is its scene, `machine.scene(speed=300.0)` the scene of other numbers, which

@@ -127,7 +127,7 @@ def _number(name: str, field: dataclasses.Field, text: str) -> Parameter:
     return Parameter(float(default), unit, meaning, _ANY, scale)
 
 
-def check_described(values: Mapping[str, Any]) -> Mapping[str, Parameter]:
+def check_description(values: Mapping[str, Any]) -> Mapping[str, Parameter]:
     """Check a crusher's description, which may name your own laws, and return the known numbers.
 
     Numbers are scalars or arrays; a number known only to `jax.jit` passes (see `within_limits`).

@@ -110,13 +110,13 @@ _PARAMETERS = {
 }
 
 # Joints that may be loose besides the main bearing, and the bodies of bore and pin.
-WORN_JOINTS = {
+LOOSE_JOINTS = {
     "elbow": ("jaw", "toggle"),
     "pivot": ("frame", "toggle"),
     "shaft_bearing": ("frame", "shaft"),
 }
 # Before the numbers of a joint, those of the main bearing first.
-PREFIXES = ("", *(f"{joint}." for joint in WORN_JOINTS))
+PREFIXES = ("", *(f"{joint}." for joint in LOOSE_JOINTS))
 # Radii of their bores, m; judged.
 _BORES = {"elbow": 0.04, "pivot": 0.04, "shaft_bearing": 0.07}
 NUMBERS_OF_A_JOINT = (
@@ -130,9 +130,9 @@ NUMBERS_OF_A_JOINT = (
 )
 
 
-def _worn(name: str, joint: str) -> Parameter:
+def _loose_joint_number(name: str, joint: str) -> Parameter:
     """The number of B, C or O; it has the main bearing's default, but for the bore's radius."""
-    letter, (bore, pin) = LETTERS[joint], WORN_JOINTS[joint]
+    letter, (bore, pin) = LETTERS[joint], LOOSE_JOINTS[joint]
     main = _PARAMETERS[name]
     if name == "bore_radius":
         return Parameter(_BORES[joint], "m", f"radius of the {bore}'s bore at {letter}")
@@ -142,7 +142,9 @@ def _worn(name: str, joint: str) -> Parameter:
 
 
 _PARAMETERS |= {
-    f"{joint}.{name}": _worn(name, joint) for joint in WORN_JOINTS for name in NUMBERS_OF_A_JOINT
+    f"{joint}.{name}": _loose_joint_number(name, joint)
+    for joint in LOOSE_JOINTS
+    for name in NUMBERS_OF_A_JOINT
 }
 
 # What the frame stands on. A scene has these names only where one of `_openers` is given.
@@ -227,7 +229,7 @@ FILM = {
 _PARAMETERS |= FILM
 _PARAMETERS |= {
     f"{joint}.{name}": replace(number, meaning=f"{number.meaning}, at {LETTERS[joint]}")
-    for joint in WORN_JOINTS
+    for joint in LOOSE_JOINTS
     for name, number in FILM.items()
 }
 
@@ -332,7 +334,7 @@ CHOICES_OF_A_JOINT = {
 }
 _CHOICES |= {
     f"{joint}.{name}": choices
-    for joint in WORN_JOINTS
+    for joint in LOOSE_JOINTS
     for name, choices in CHOICES_OF_A_JOINT.items()
 }
 CHOICES: Mapping[str, tuple[str, ...]] = MappingProxyType(_CHOICES)
@@ -370,7 +372,7 @@ _OPENERS: dict[str, tuple[str, ...]] = {
     "load_direction": ("load_law=by_angle",),
     "chamber.bed_modulus": ("load_law=chamber",),
     "chamber.bed_exponent": ("load_law=chamber",),
-    **{f"{joint}.": (f"{joint}.clearance",) for joint in WORN_JOINTS},
+    **{f"{joint}.": (f"{joint}.clearance",) for joint in LOOSE_JOINTS},
     "rollers.": ("contact_law=rollers",),
     **{at + name: (f"{at}film.viscosity",) for at in PREFIXES for name in (*FILM, "film_law")},
     "rod.": ("rod.stiffness", "rod.preload"),
@@ -384,7 +386,7 @@ _OPENERS: dict[str, tuple[str, ...]] = {
 # Two numbers of a description, and how the first must compare with the second.
 _PAIRS = (
     ("clearance", operator.lt, "bore_radius"),
-    *((f"{at}.clearance", operator.lt, f"{at}.bore_radius") for at in WORN_JOINTS),
+    *((f"{at}.clearance", operator.lt, f"{at}.bore_radius") for at in LOOSE_JOINTS),
     ("load_point", operator.le, "jaw.length"),
     ("rollers.diameter", operator.lt, "rollers.pitch_diameter"),
     ("foundation.left", operator.lt, "foundation.right"),

@@ -19,10 +19,10 @@ from jaxcrusher.files.text import digits_apart
 from jaxcrusher.scenes.parameters import (
     CHAMBER,
     LAWS,
+    LOOSE_JOINTS,
     NUMBERS,
     PAPER_CHAMBER,
     PREFIXES,
-    WORN_JOINTS,
     Parameter,
     complete,
     readable,
@@ -59,7 +59,7 @@ RATIOS = (
             (0.0, 1e-4, 0.02, 0.3),
             "judged: a toggle's seat is no bearing, and wears",
         )
-        for joint in WORN_JOINTS
+        for joint in LOOSE_JOINTS
     ),
     *(
         Ratio(
@@ -393,7 +393,7 @@ def warn_of_unusual(values: Mapping[str, Any]) -> None:
 # The numbers that differ from machine to machine.
 OF_A_MACHINE = (
     *("bore_radius", "shaft.", "jaw.", "toggle.", "bearing.", "chamber.", "rod."),
-    *(*(f"{joint}.bore_radius" for joint in WORN_JOINTS), "foundation.", "rollers."),
+    *(*(f"{joint}.bore_radius" for joint in LOOSE_JOINTS), "foundation.", "rollers."),
 )
 
 

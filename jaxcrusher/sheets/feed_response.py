@@ -13,7 +13,7 @@ from jaxtyping import Array, Float, Scalar
 from jaxcrusher.basics.checks import nan_unless, primal, require, require_kind, require_own_process
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.files import svg
-from jaxcrusher.files.told import Row, Summary, Told, said
+from jaxcrusher.files.summary import Row, Summarised, Summary, value_text
 from jaxcrusher.mechanism.acting import Multiplied, RoughFeed
 from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.scene import Scene
@@ -36,7 +36,7 @@ STEEPEST = 30.0
 BISECTIONS, RANGE = 50, math.log(30.0)
 
 
-class FeedResponse(Told, eqx.Module):
+class FeedResponse(Summarised, eqx.Module):
     """An orbit under a rough feed: standard deviations by angle, and how often contact is lost.
 
     Linear in the scatter, but for `expected_rms`. NaN where the orbit is not stable or loses
@@ -45,7 +45,7 @@ class FeedResponse(Told, eqx.Module):
 
     angle: Float[Array, " nodes"]  # the phase, rad, over the period
     eccentricity: Float[Array, "nodes dims"]  # standard deviations, as `PeriodicOrbit.eccentricity`
-    force: Float[Array, " nodes"]  # standard deviation of the leading force, N
+    force: Float[Array, " nodes"]  # standard deviation of the headline force, N
     rms: Scalar  # standard deviation of the RMS of one period, N
     expected_rms: Scalar  # RMS over very many turns, to second order in the scatter, N
     losses: Scalar  # times a turn that any joint is expected to lose contact
@@ -62,11 +62,15 @@ class FeedResponse(Told, eqx.Module):
         return Summary(
             f"FeedResponse: {'what a rough feed adds to an orbit' if known else none}",
             [
-                Row("rms", said(self.rms, "N"), "standard deviation of the RMS of a period"),
-                Row("expected_rms", said(self.expected_rms, "N"), "RMS over very many turns"),
-                Row("force", said(self.force, "N"), "standard deviation of the force by angle"),
-                Row("losses", said(self.losses, "a turn"), "times that contact is lost"),
-                Row("losing_scatter", said(self.losing_scatter, "1"), "loses it in 1000 turns"),
+                Row("rms", value_text(self.rms, "N"), "standard deviation of the RMS of a period"),
+                Row("expected_rms", value_text(self.expected_rms, "N"), "RMS over very many turns"),
+                Row(
+                    "force", value_text(self.force, "N"), "standard deviation of the force by angle"
+                ),
+                Row("losses", value_text(self.losses, "a turn"), "times that contact is lost"),
+                Row(
+                    "losing_scatter", value_text(self.losing_scatter, "1"), "loses it in 1000 turns"
+                ),
             ],
         )
 
@@ -127,7 +131,7 @@ class _Seen(eqx.Module):
 @eqx.filter_jit
 def _response(orbit: PeriodicOrbit) -> FeedResponse:
     ((_, feed),), period = _feeds(orbit.scene), orbit.period
-    about = linearised(orbit)
+    about = linearised_about(orbit)
     system, free, multipliers = about.system, about.modes, about.multipliers
     motion, force, depth = about.motion, about.force, about.depth
     count, dims = motion.value.shape
@@ -173,14 +177,14 @@ class Linearised(eqx.Module):
     system: System
     angle: Float[Array, " nodes"]
     motion: _Seen  # x''
-    force: _Seen  # the leading one: of a crusher |R_O| + |R_C|
+    force: _Seen  # the headline one: of a crusher |R_O| + |R_C|
     depth: _Seen  # elastic force of each joint
     slopes: tuple[Array, Array]  # df/dx and df/dx' at the nodes
     multipliers: Array
     modes: Modes
 
 
-def linearised(orbit: PeriodicOrbit) -> Linearised:
+def linearised_about(orbit: PeriodicOrbit) -> Linearised:
     """Return the equations about an orbit under a rough feed."""
     assert orbit.eccentricity is not None
     count = RESPONSE_NODES * orbit.period
@@ -189,7 +193,7 @@ def linearised(orbit: PeriodicOrbit) -> Linearised:
     angle, place, rate = system.at(x, count)
     states = jnp.concatenate([place, rate, jnp.zeros((count, 1))], axis=1)
     ((place_of_feed, _),) = _feeds(orbit.scene)
-    motion, force, depth = _seen_along(system, angle, states, place_of_feed)
+    motion, force, depth = _observed_along(system, angle, states, place_of_feed)
     by_x, by_rate = jnp.split(motion.slope[:, :, :-1], 2, axis=2)
     slopes = by_x, by_rate
     multipliers = of_slopes(slopes, system.period).values  # the orbit's, with slopes
@@ -197,15 +201,15 @@ def linearised(orbit: PeriodicOrbit) -> Linearised:
     return Linearised(system, angle, motion, force, depth, slopes, multipliers, free)
 
 
-def _seen_along(
+def _observed_along(
     system: System, angle: Float[Array, " nodes"], states: Float[Array, "nodes states"], feed: int
 ) -> tuple[_Seen, _Seen, _Seen]:
-    """Return x'', the leading force, and the elastic force of each joint.
+    """Return x'', the headline force, and the elastic force of each joint.
 
     `feed` is the place of the rough feed among the pushes.
     """
     dims = states.shape[1] // 2
-    leading = system.args.statistics[system.args.leading].quantity
+    headline = system.args.statistics[system.args.headline].quantity
 
     def seen(angle: Scalar, state: Array, scene: Scene) -> Array:
         place, rate, factor = state[:dims], state[dims:-1], 1 + state[-1]
@@ -217,7 +221,7 @@ def _seen_along(
             lambda joint, contact: joint.normal.elastic_force(contact.penetration),
             snapshot.contacts,
         )
-        forces = leading(snapshot, scene), *elastic.values
+        forces = headline(snapshot, scene), *elastic.values
         return jnp.append(forced.acceleration(angle, place, rate, scene), jnp.stack(forces))
 
     def along(angle: Scalar, state: Array, one: Array, other: Array, scene: Scene) -> _Seen:

@@ -61,7 +61,7 @@ def natural_modes(scene: Scene) -> xr.Dataset:
 
     Raises ValueError for a clamped frame, under `jax.jit`, and for a machine that topples.
     """
-    mass, damping, stiffness = linearised(scene)
+    mass, damping, stiffness = mass_damping_stiffness(scene)
     squares, shapes = scipy.linalg.eigh(stiffness, mass)
     rates, dampers = np.sqrt(squares), shapes.T @ damping @ shapes
     energies = np.diag(mass) * shapes.T**2
@@ -76,7 +76,7 @@ def natural_modes(scene: Scene) -> xr.Dataset:
     return dataset(("mode",), told, COLUMNS, {"coordinate": list(COORDINATES)}).merge(free)
 
 
-def linearised(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def mass_damping_stiffness(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return mass, damping and stiffness about the standing place, for x, y (m) and rotation of G.
 
     Raises ValueError as `natural_modes` does.
@@ -85,7 +85,7 @@ def linearised(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     require_scene(scene)
     require(scene.supports is not None, "scene", "have a frame on supports", "clamped")
     require_untraced("scene", scene, "natural_modes", "jaxcrusher.periodic_orbit")
-    mass, damping, stiffness, left = (np.asarray(one) for one in _linearised(scene))
+    mass, damping, stiffness, left = (np.asarray(one) for one in _mass_damping_stiffness(scene))
     toppled = "stand on its supports, and does not topple"
     upright = np.isfinite(stiffness).all() and np.linalg.eigvalsh(stiffness).min() > 0
     require(bool(upright and left <= STANDING), "scene", toppled, "one that falls")
@@ -119,7 +119,7 @@ def shares_of_energy(
 
     Raises ValueError as `natural_modes` does.
     """
-    mass, damping, stiffness = linearised(scene)
+    mass, damping, stiffness = mass_damping_stiffness(scene)
     _, shapes = scipy.linalg.eigh(stiffness, mass)
     moved = [
         np.linalg.solve(stiffness - rate**2 * mass + 1j * rate * damping, amplitude)
@@ -145,7 +145,7 @@ def _free(rates: np.ndarray, dampers: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 @jax.jit
-def _linearised(scene: Scene) -> tuple[Array, Array, Array, Scalar]:
+def _mass_damping_stiffness(scene: Scene) -> tuple[Array, Array, Array, Scalar]:
     """Return the matrices of mass, damping and stiffness, and the last step of finding the place.
 
     The coordinates are displacement and rotation of G.
@@ -217,7 +217,7 @@ def run_up(
     import scipy.signal  # takes a second, and the module is imported with every load sheet
 
     require_positive("seconds", seconds, "s")
-    mass, damping, stiffness = linearised(scene)
+    mass, damping, stiffness = mass_damping_stiffness(scene)
     speed = float(scene.drive.speed)
     steps = max(INSTANTS, OF_AN_ORDER * force.shape[1])
     count = int(np.ceil(seconds * speed / (2 * np.pi) * steps)) + 1

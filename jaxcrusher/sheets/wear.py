@@ -23,7 +23,7 @@ from jaxtyping import Array, Float, Scalar
 
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.files import svg
-from jaxcrusher.files.told import Summary, Told
+from jaxcrusher.files.summary import Summarised, Summary
 from jaxcrusher.mechanism.observables import HOUR
 from jaxcrusher.mechanism.quantities import sliding_power
 from jaxcrusher.mechanism.reductions import SAMPLES
@@ -31,7 +31,7 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.mechanism.snapshot import Observable, OfPart, Snapshot
 from jaxcrusher.orbits.forced import remembers
 from jaxcrusher.orbits.periodic_orbit import periodic_orbit
-from jaxcrusher.orbits.result import PeriodicOrbit, require_one, seen_along
+from jaxcrusher.orbits.result import PeriodicOrbit, observables_along, require_one
 
 # What published coefficients of steel on steel span, m2/N: as those of Rabinowicz (Friction and
 # Wear of Materials, 1965) over a hardness of 2 GPa, from memory; well greased, and dry.
@@ -51,7 +51,7 @@ class Archard(NamedTuple):
         return self.coefficient * power / (np.pi * radius * self.width)
 
 
-class Wear(Told, eqx.Module):
+class Wear(Summarised, eqx.Module):
     """Depths worn off a joint a second, over sectors of its bore and its pin."""
 
     angle: Float[Array, " sectors"]  # of a sector's middle, from the x axis of its body, rad
@@ -119,7 +119,7 @@ def wear_of(
     count = SAMPLES * orbit.period
     phases = 2 * np.pi * np.arange(count) / SAMPLES
     look = ("rubbed", Observable(OfPart(_rubbed, joint), "", "what rubs"))
-    seen = seen_along(orbit, jnp.asarray(phases), (look,))["rubbed"]
+    seen = observables_along(orbit, jnp.asarray(phases), (look,))["rubbed"]
     return _over_sectors(seen, bearing.bore_radius, jnp.asarray(by), sectors)
 
 

@@ -7,10 +7,10 @@ from jaxtyping import Float
 
 from jaxcrusher.orbits.result import PeriodicOrbit
 from optimize.ask.limits import OF_ORBIT, OF_RUN, Found
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 
 
-def broken(problem: Problem, found: Found, share: float) -> dict[str, np.ndarray]:
+def broken(problem: DesignProblem, found: Found, share: float) -> dict[str, np.ndarray]:
     """Return the constraints on motions in words, and where `found` breaks them.
 
     A statistic may exceed its limit by a `share` of it.
@@ -26,7 +26,7 @@ def broken(problem: Problem, found: Found, share: float) -> dict[str, np.ndarray
     return lost
 
 
-def keeps(problem: Problem, found: Found, share: float) -> np.ndarray:
+def keeps(problem: DesignProblem, found: Found, share: float) -> np.ndarray:
     """Whether motions break none of the constraints on them, as `broken` tells."""
     return ~np.any(list(broken(problem, found, share).values()), axis=0)
 
@@ -39,20 +39,22 @@ def end_well(found: Found) -> np.ndarray:
     return _logical(found["success"]) & ~_logical(found["whirl"])
 
 
-def of_runs(problem: Problem, found: Found, capacity: Float[np.ndarray, " designs"]) -> np.ndarray:
+def of_runs(
+    problem: DesignProblem, found: Found, capacity: Float[np.ndarray, " designs"]
+) -> np.ndarray:
     """Whether the motion of each start ended well, within the constraints."""
     return end_well(found) & problem.reaches(capacity) & keeps(problem, found, OF_RUN)
 
 
 def of_orbits(
-    problem: Problem, found: Found, capacity: Float[np.ndarray, " designs"]
+    problem: DesignProblem, found: Found, capacity: Float[np.ndarray, " designs"]
 ) -> np.ndarray:
     """Whether each orbit may be stable, has a number of the objective, and keeps constraints."""
     good = may_be_stable(found) & np.isfinite(found["objective"])
     return good & problem.reaches(capacity) & keeps(problem, found, OF_ORBIT)
 
 
-def solved(problem: Problem, found: Found) -> np.ndarray:
+def usable(problem: DesignProblem, found: Found) -> np.ndarray:
     """Whether each orbit may be stable, and is inside the contact model if asked.
 
     Descents need that much: what else is a constraint has a slope, which they follow.
@@ -70,7 +72,7 @@ def may_be_stable(found: Found) -> np.ndarray:
 
 
 def losses(
-    problem: Problem, found: Found, capacity: Float[np.ndarray, " designs"], designs: str
+    problem: DesignProblem, found: Found, capacity: Float[np.ndarray, " designs"], designs: str
 ) -> str:
     """Say why none of some `designs` counts, and of how many each reason is true.
 

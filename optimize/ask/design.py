@@ -184,9 +184,9 @@ class Design:
         if point is not None:
             good = point.shape == (len(self.bounds),) and bool(((point >= 0) & (point <= 1)).all())
             require(good, "unit", f"be {len(self.bounds)} numbers in [0, 1]", point)
-        return self.described(self.values(unit))
+        return self.completed(self.values(unit))
 
-    def described(self, values: Mapping[str, Any]) -> dict[str, Any]:
+    def completed(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """The completed description of the free parameters' values, which may be traced."""
         described = {**self.fixed, **values}
         if not self.completions:

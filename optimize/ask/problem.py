@@ -27,7 +27,7 @@ AT_ONCE = 64
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class DesignProblem:
     """A search, as its options were read once: a scene file that changes later does not matter.
 
     `chamber` is that of the numbers that are not free; where links are, see `chamber_of`. A linkage
@@ -56,7 +56,7 @@ class Problem:
     @property
     def forces(self) -> tuple[str, ...]:
         """The statistics that every design is told by: its leading one, and what shakes."""
-        return tuple(dict.fromkeys((self.scene.leading, "shaking_rms")))
+        return tuple(dict.fromkeys((self.scene.headline, "shaking_rms")))
 
     @property
     def rival(self) -> Objective:
@@ -83,7 +83,7 @@ class Problem:
         return found if self.chamber is None else {**found, "capacity": _crushing}
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def statistics(self) -> tuple[str, ...]:
         """The statistics of every table: the usual ones, those limited, and the rival's."""
         limited = (limit.statistic for limit in self.limits)
         named = (*self.scene.usual_statistics, *limited, *self.rival.outputs)
@@ -93,7 +93,7 @@ class Problem:
     def columns(self) -> dict[str, Column]:
         """The columns of what is told of a motion that was integrated."""
         scene, of = self.scene, self.objective
-        found = columns_of_row(scene.watched, scene.entries(self.told))
+        found = columns_of_row(scene.watched, scene.entries(self.statistics))
         found |= columns_of(scene.statistics, of.outputs)
         found["objective"] = Column(of.unit, of.meaning)
         meaning = "may be chosen: succeeded, no whirl, inside the constraints"
@@ -185,7 +185,7 @@ def _crushing(_: Any, scene: Scene, chamber: CrushingChamber) -> Scalar:
 
 
 @eqx.filter_jit
-def _capacities(problem: Problem, places: Float[Array | np.ndarray, "points n"]) -> Array:
+def _capacities(problem: DesignProblem, places: Float[Array | np.ndarray, "points n"]) -> Array:
     def capacity(unit: Array | np.ndarray) -> Scalar:
         described = problem.design.whole(problem.design.description(unit))
         chamber = problem.chamber_of(described)

@@ -28,7 +28,7 @@ from optimize.ask.design import GRID_DIMENSIONS, CounterweightMoment, Design, Eq
 from optimize.ask.limits import read_limits
 from optimize.ask.objectives import OBJECTIVES, OF_SUPPORTS, own_objective, plain
 from optimize.ask.options import Effort, Options
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.ask.sets import SETS, SETS_OF, Bounds, ranges, sets, written_bounds
 
 # The paper's choice, Section 5.3.
@@ -63,7 +63,7 @@ OF_SLIDING = ("friction", "slip", "restitution", "young", "poisson", "impact_vel
 WITHOUT_LOAD = ("none", "by_angle", "chamber")
 
 
-def resolve(options: Options) -> Problem:
+def resolve(options: Options) -> DesignProblem:
     """Return the problem of some options.
 
     Raises ValueError for a value outside its limits, before anything is compiled.
@@ -107,7 +107,7 @@ def resolve(options: Options) -> Problem:
     return replace(problem, units=machine.units | units_of((*entries, *texts)), settings=settings)
 
 
-def tell(problem: Problem, path: Path | None) -> None:
+def tell(problem: DesignProblem, path: Path | None) -> None:
     """Print on standard error what is unusual in a machine, and what its file leaves open."""
     machine, free = problem.design.machine, dict(problem.reference)
     for name in CounterweightMoment.inputs:
@@ -117,7 +117,7 @@ def tell(problem: Problem, path: Path | None) -> None:
 
 def _asked(
     options: Options, usual: str, design: Design, chamber: CrushingChamber | None, scene: Scene
-) -> Problem:
+) -> DesignProblem:
     """Return the problem of a box of designs, of which `scene` is one: its objective and limits.
 
     The objective is a crusher's, a statistic as it is, or one of your own; `usual` where none is
@@ -126,7 +126,7 @@ def _asked(
     name = options.objective or usual
     limits = read_limits(options.limit, scene)
     if ":" in name:
-        return Problem(design, own_objective(name), chamber, limits=limits)
+        return DesignProblem(design, own_objective(name), chamber, limits=limits)
     known = {} if chamber is None else OBJECTIVES
     stands = scene.supports is not None or name not in OF_SUPPORTS
     require(stands, "objective", "be another without foundation.mass", name)
@@ -138,10 +138,10 @@ def _asked(
         rubs = main is not None and main.friction is not None
         rubs |= "friction" in design.bounds  # which may begin at zero
         require(rubs, "objective", "be another without friction", name)
-    return Problem(design, replace(found, name=name), chamber, limits=limits)
+    return DesignProblem(design, replace(found, name=name), chamber, limits=limits)
 
 
-def _crusher(options: Options) -> Problem:
+def _crusher(options: Options) -> DesignProblem:
     """Return the crusher that is searched, and its box."""
     described = _description(options)
     machine = Machine(Crusher(), described)
@@ -153,7 +153,7 @@ def _crusher(options: Options) -> Problem:
     reference, compared_with = _reference(options, described, free)
     # Sets lie about the machine's own numbers, other ranges anywhere.
     lowest = reference | {name: low for name, (low, _) in written.items()}
-    corner = described | design.described(lowest)
+    corner = described | design.completed(lowest)
     with naming(options.scene, corner):
         scene = build_scene(corner)
     if "clearance" in free:
@@ -173,7 +173,7 @@ def _crusher(options: Options) -> Problem:
     )
 
 
-def _linkage(options: Options) -> Problem:
+def _linkage(options: Options) -> DesignProblem:
     """Return the linkage of a scene file, with the numbers that lines `--design` free.
 
     It is compared with the file's own numbers. Raises ValueError of one line for options of a

@@ -4,7 +4,7 @@ import numpy as np
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.scenes.build import Crusher
-from jaxcrusher.scenes.linkages import Drawing
+from jaxcrusher.scenes.linkages import LinkageStructure
 from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.parameters import key_of
 from jaxcrusher.scenes.reader import read_range, require_continuous
@@ -67,7 +67,7 @@ def of_linkage(word: str, machine: Machine) -> Bounds:
     counterweights, by all of that.
     """
     drawing, values, found = machine.structure, machine.values, Bounds()
-    assert isinstance(drawing, Drawing)
+    assert isinstance(drawing, LinkageStructure)
     for body in drawing.bodies:
         ends = [f"joints.{name}.bore" for name, bore, _ in drawing.joints if bore == body]
         ends += [f"joints.{name}.pin" for name, _, pin in drawing.joints if pin == body]
@@ -89,7 +89,7 @@ def of_linkage(word: str, machine: Machine) -> Bounds:
 
 
 # Kind of machine -> its sets.
-SETS_OF = {Crusher: of_crusher, Drawing: of_linkage}
+SETS_OF = {Crusher: of_crusher, LinkageStructure: of_linkage}
 
 
 def sets(options: Options) -> list[str]:

@@ -6,7 +6,7 @@ from jaxtyping import Float
 
 from optimize.answer import Active, Confirmed
 from optimize.ask.limits import OF_ORBIT
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.search.orbits import values_and_slopes, widths
 
 # A coordinate of the unit box this near its end is at it: rounding.
@@ -16,7 +16,7 @@ AT_FLOOR = 1e-8
 
 
 def active_constraints(
-    problem: Problem, best: Confirmed
+    problem: DesignProblem, best: Confirmed
 ) -> tuple[tuple[Active, ...], dict[str, float]]:
     """Return the active constraints with their multipliers, and the slopes that remain.
 
@@ -59,7 +59,7 @@ def active_constraints(
 
 
 def _standing(
-    problem: Problem, best: Confirmed, at: Float[np.ndarray, " n"]
+    problem: DesignProblem, best: Confirmed, at: Float[np.ndarray, " n"]
 ) -> list[tuple[str, str, Float[np.ndarray, " n"], str]]:
     """Return what stands at its floor or limit, at which end, its slope inwards, and its unit.
 

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int
 from jaxcrusher.files.text import quantity, with_error
 from optimize.answer import Bound, Confirmed, Maps, OpenPoint
 from optimize.ask.design import GRID_DIMENSIONS
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.search.cells import ROUGHER, Cells, beside
 from optimize.search.confirm import Repeats, interval, long_runs
 from optimize.search.evaluate import NOWHERE, Rows, Tracking
@@ -41,7 +41,7 @@ class Points:
 
     def __init__(
         self,
-        problem: Problem,
+        problem: DesignProblem,
         places: Float[np.ndarray, "points n"],
         rows: Rows,
         runs: Repeats,
@@ -107,7 +107,7 @@ class Points:
             at = scipy.spatial.KDTree(self.places).query(places)[1]
         return np.reshape(at, corners.shape[:2])
 
-    def wait(self, which: Int[np.ndarray, " some"]) -> None:
+    def search_longer(self, which: Int[np.ndarray, " some"]) -> None:
         """Wait for the orbits of points for as long as it takes, and name what has none."""
         self.waited |= {*which.tolist()}
         rows = solve(self.problem, self.places[which], effort="usual", tracking=self._tracking)
@@ -185,7 +185,7 @@ def refined(points: Points, cells: Cells, best: Confirmed, within: float) -> Ref
         chosen = lowest < floor
         asked = {*at[chosen].ravel().tolist()} & {*points.open} - points.waited
         if asked:
-            points.wait(np.array(sorted(asked)))
+            points.search_longer(np.array(sorted(asked)))
             continue
         # Where a number itself is below, smaller cells do not help.
         chosen &= (np.fmin(points.values, points.least)[at] >= floor).all(axis=1)
@@ -253,7 +253,7 @@ def optimality_bound(found: Refined, best: Confirmed) -> Bound:
     return Bound(within, curvature, unsaid, gain, statement, by_runs)
 
 
-def unbounded(problem: Problem, maps: Maps, best: Confirmed) -> Bound | None:
+def unbounded(problem: DesignProblem, maps: Maps, best: Confirmed) -> Bound | None:
     """Return what stands for a bound where none can be computed, or None."""
     mapped = maps.orbits
     if mapped is None or not mapped.counts.any():

@@ -18,7 +18,7 @@ from optimize.answer import Confirmed, Crushing, Orbit, Runs
 from optimize.ask.constraints import end_well, keeps
 from optimize.ask.limits import OF_ORBIT
 from optimize.ask.options import Effort
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.search import orbits
 from optimize.search.evaluate import NOWHERE, STARTS, Rows, Tracking, Window, evaluate
 
@@ -52,7 +52,7 @@ class Repeats:
 
 
 def long_runs(
-    problem: Problem, places: np.ndarray, repeats: Repeats, tracking: Tracking = NOWHERE
+    problem: DesignProblem, places: np.ndarray, repeats: Repeats, tracking: Tracking = NOWHERE
 ) -> list[Rows]:
     """Run points (m, n) of the unit box for long, several times from each start.
 
@@ -73,11 +73,11 @@ def long_runs(
 
 
 def confirmed(
-    problem: Problem, unit: Float[np.ndarray, " n"], rows: Rows, orbit: Orbit | None
+    problem: DesignProblem, unit: Float[np.ndarray, " n"], rows: Rows, orbit: Orbit | None
 ) -> Confirmed:
     """Return a point of the unit box with its long runs and its orbit, and its objective."""
     values = problem.design.numbers(unit)
-    given = problem.design.described(values)
+    given = problem.design.completed(values)
     described = problem.design.whole(given)
     scene = problem.design.build(given)
     intervals = [interval(numbers) for numbers in rows["objective"]]
@@ -112,7 +112,7 @@ def confirmed(
         STARTS[worse],
         float(described["speed"]),
         forces,
-        float(jc.periodic_orbit(scene.ideal())[scene.leading]),
+        float(jc.periodic_orbit(scene.ideal())[scene.headline]),
         _crushing(problem, scene, unit),
         orbit,
         runs,
@@ -120,7 +120,7 @@ def confirmed(
     )
 
 
-def _crushing(problem: Problem, scene: Scene, unit: np.ndarray) -> Crushing | None:
+def _crushing(problem: DesignProblem, scene: Scene, unit: np.ndarray) -> Crushing | None:
     if problem.chamber is None:
         return None
     sizes = scene.joints.values[0].clearance, problem.capacity(unit)

@@ -20,7 +20,7 @@ from jaxcrusher.mechanism.starts import shifted_start
 from optimize.ask import constraints
 from optimize.ask.design import Design
 from optimize.ask.limits import Found
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 
 if TYPE_CHECKING:
     import distributed
@@ -62,7 +62,7 @@ class Window:
 
 
 def evaluate(
-    problem: Problem,
+    problem: DesignProblem,
     places: Float[np.ndarray, "points n"],
     window: Window,
     tracking: Tracking = NOWHERE,
@@ -108,7 +108,7 @@ def started(
     With the start as numbers, the scenes of all starts run as one program. A rough feed's motions
     are those under its mean load.
     """
-    scene = design.build({**design.described(values), "start": start}).steady()
+    scene = design.build({**design.completed(values), "start": start}).steady()
     return _shifted(scene, Vector(*shift))
 
 
@@ -117,7 +117,7 @@ _shifted = eqx.filter_jit(shifted_start)  # one program in place of a hundred
 
 @eqx.filter_jit
 def stacked_scenes(
-    problem: Problem, places: Float[Array, "points n"], shifts: Float[Array, "points 2"]
+    problem: DesignProblem, places: Float[Array, "points n"], shifts: Float[Array, "points 2"]
 ) -> Scene:
     """The scenes of all points from one start, then from the other, stacked."""
 
@@ -128,11 +128,11 @@ def stacked_scenes(
     return jax.tree.map(lambda *leaves: jnp.concatenate(leaves), *parts)
 
 
-def _row(batch: tuple[Scene, Array], problem: Problem, window: Window) -> dict[str, Array]:
+def _row(batch: tuple[Scene, Array], problem: DesignProblem, window: Window) -> dict[str, Array]:
     """Return the row of a scene at a point of the unit box."""
     scene, unit = batch
-    outputs = tuple(dict.fromkeys((*problem.told, *problem.objective.outputs)))
+    outputs = tuple(dict.fromkeys((*problem.statistics, *problem.objective.outputs)))
     result = jc.statistics(scene, window.settle, window.turns, outputs=outputs, rtol=window.rtol)
     objective = problem.objective.formula(result, scene, problem.chamber_at(unit))
     further = {"objective": objective, "steps": result.outcome.steps, "state": result.state}
-    return row_of(result, problem.told, scene.watched) | further
+    return row_of(result, problem.statistics, scene.watched) | further

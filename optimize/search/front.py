@@ -7,7 +7,7 @@ import xarray as xr
 from jaxtyping import Bool, Float
 
 from optimize.answer import Confirmed, Front
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.search import orbits as periodic
 from optimize.search.descents import Smooth, above, descend, negative
 
@@ -18,7 +18,7 @@ NO_GAIN = 1e-6
 
 
 def fronts(
-    problem: Problem, optimum: Confirmed, places: np.ndarray, orbits: xr.Dataset, steps: int
+    problem: DesignProblem, optimum: Confirmed, places: np.ndarray, orbits: xr.Dataset, steps: int
 ) -> tuple[Front, ...]:
     """Return the fronts against the capacity of a crusher, and against the rival of the problem.
 

@@ -12,7 +12,7 @@ from jaxcrusher.files.table import Column
 from jaxcrusher.scenes.parameters import NUMBERS
 from optimize.ask.constraints import end_well
 from optimize.ask.design import GRID_DIMENSIONS, Design
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.search.evaluate import STARTS, Rows, judged
 
 
@@ -34,7 +34,7 @@ def spread(places: Float[np.ndarray, "points n"], count: int) -> Float[np.ndarra
 
 
 def dataset(
-    problem: Problem, places: Float[np.ndarray, "points n"], grid: tuple[int, int], rows: Rows
+    problem: DesignProblem, places: Float[np.ndarray, "points n"], grid: tuple[int, int], rows: Rows
 ) -> xr.Dataset:
     """Return rows of shape (starts, points, ...) as a labelled landscape.
 

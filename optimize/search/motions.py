@@ -10,11 +10,11 @@ from jaxtyping import Array, Float, Scalar
 
 import jaxcrusher as jc
 from jaxcrusher.files.table import Column
-from jaxcrusher.motion.simulation import leading_force
-from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, missing, seen_along
+from jaxcrusher.motion.simulation import headline_force
+from jaxcrusher.orbits.result import RESULTS, PeriodicOrbit, missing, observables_along
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.trigonometric import resample
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.search.evaluate import Rows
 
 # Instants of a turn that are kept, at equal steps of the shaft's phase from zero.
@@ -28,7 +28,7 @@ COLUMNS = {
 }
 
 
-def turns(problem: Problem, places: Float[np.ndarray, "points n"], rows: Rows) -> Rows:
+def turns(problem: DesignProblem, places: Float[np.ndarray, "points n"], rows: Rows) -> Rows:
     """Return `COLUMNS` of places of the unit box, as 32-bit floats, from the nodes of their orbits.
 
     **Arguments:**
@@ -46,13 +46,17 @@ def turns(problem: Problem, places: Float[np.ndarray, "points n"], rows: Rows) -
 
 @eqx.filter_jit
 def _turns(
-    problem: Problem, places: Float[Array, "points n"], nodes: Float[Array, "points nodes dims"]
+    problem: DesignProblem,
+    places: Float[Array, "points n"],
+    nodes: Float[Array, "points nodes dims"],
 ) -> dict[str, Array]:
-    name = leading_force(problem.scene)
+    name = headline_force(problem.scene)
     phases = jnp.asarray(2 * np.pi / INSTANTS * np.arange(INSTANTS))
 
     def force(orbit: PeriodicOrbit) -> Float[Array, " instants"]:
-        (size,) = seen_along(orbit, phases, ((name, orbit.scene.observables[name]),)).values()
+        (size,) = observables_along(
+            orbit, phases, ((name, orbit.scene.observables[name]),)
+        ).values()
         return size if size.ndim == 1 else jnp.hypot(size[:, 0], size[:, 1])
 
     def turn(unit: Float[Array, " n"], path: Float[Array, "nodes dims"]) -> dict[str, Array]:
@@ -70,7 +74,7 @@ def _turns(
     return jax.vmap(turn)(places, nodes)
 
 
-def _objective(problem: Problem, ideal: PeriodicOrbit) -> Scalar:
+def _objective(problem: DesignProblem, ideal: PeriodicOrbit) -> Scalar:
     """Return the objective of ideal joints, NaN where it is no statistic of theirs."""
     name, known = problem.objective.outputs[0], ideal.scene.statistics
     same = name in known and known[name].meaning == problem.objective.meaning

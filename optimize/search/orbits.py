@@ -17,7 +17,7 @@ from jaxcrusher.orbits.result import WAYS, PeriodicOrbit
 from optimize.answer import Coexisting, Orbit
 from optimize.ask import constraints
 from optimize.ask.design import GRID_DIMENSIONS
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.search import descents
 from optimize.search import motions as drawn
 from optimize.search.evaluate import NOWHERE, Rows, Tracking, started
@@ -39,13 +39,13 @@ ENSEMBLE, ENSEMBLE_TURNS = 16, 480
 SAME = 1e-6
 
 
-def unsolvable(problem: Problem) -> str:
+def unsolvable(problem: DesignProblem) -> str:
     """Why the problem's scenes have no orbit to solve for, or nothing."""
     return refusal(problem.scene)
 
 
 def solve(
-    problem: Problem,
+    problem: DesignProblem,
     places: Float[np.ndarray, "points n"],
     neighbours: Callable[[int], list[int]] | None = None,
     *,
@@ -58,7 +58,7 @@ def solve(
     only tried from the pin at rest in its bore. Rows of shape (points,) hold `objective` and
     `counts` (see `constraints.of_orbits`) besides; `slope` is that of the objective per unit of
     each free parameter, (points, n).
-    `numbers` are those of `Problem.numbers`, with their `slopes` by the axes of the unit box,
+    `numbers` are those of `DesignProblem.numbers`, with their `slopes` by the axes of the unit box,
     (points, numbers, n).
     """
     rows = solve_orbits(
@@ -78,21 +78,21 @@ def solve(
     return rows
 
 
-def values_and_slopes(problem: Problem, places: Float[np.ndarray, "*batch n"]) -> Numbers:
-    """Return the `Problem.numbers` of points of the unit box, with slopes by the box's axes.
+def values_and_slopes(problem: DesignProblem, places: Float[np.ndarray, "*batch n"]) -> Numbers:
+    """Return the `DesignProblem.numbers` of points of the unit box, with slopes by the box's axes.
 
-    Values, (*batch), are NaN where `constraints.solved` leaves the orbit out.
+    Values, (*batch), are NaN where `constraints.usable` leaves the orbit out.
     """
     rows = solve(problem, np.reshape(places, (-1, np.shape(places)[-1])))
-    values = np.where(constraints.solved(problem, rows)[:, None], rows["numbers"], np.nan)
+    values = np.where(constraints.usable(problem, rows)[:, None], rows["numbers"], np.nan)
     return {
         name: (values[:, i].reshape(places.shape[:-1]), rows["slopes"][:, i].reshape(places.shape))
         for i, name in enumerate(problem.numbers)
     }
 
 
-def numbers(problem: Problem) -> dict[str, descents.Smooth]:
-    """Return the `Problem.numbers` as functions, which solve for an orbit once for all."""
+def numbers(problem: DesignProblem) -> dict[str, descents.Smooth]:
+    """Return the `DesignProblem.numbers` as functions, which solve for an orbit once for all."""
     seen: dict[tuple[tuple[int, ...], bytes], Numbers] = {}
 
     def number(points: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -104,7 +104,9 @@ def numbers(problem: Problem) -> dict[str, descents.Smooth]:
     return {name: functools.partial(number, name=name) for name in problem.numbers}
 
 
-def spares(problem: Problem, numbers: dict[str, descents.Smooth]) -> tuple[descents.Smooth, ...]:
+def spares(
+    problem: DesignProblem, numbers: dict[str, descents.Smooth]
+) -> tuple[descents.Smooth, ...]:
     """Return by how much a design is inside each constraint, as a share of it.
 
     The floor of the capacity is none where it is a corner of the box.
@@ -120,23 +122,23 @@ def spares(problem: Problem, numbers: dict[str, descents.Smooth]) -> tuple[desce
 
 # A scene takes as long to build as an orbit takes to solve for, and descents ask one by one.
 @functools.lru_cache(maxsize=8)
-def _sought(problem: Problem) -> Sought:
+def _sought(problem: DesignProblem) -> Sought:
     numbers = tuple(eqx.Partial(_number, problem=problem, name=name) for name in problem.numbers)
     return Sought(eqx.Partial(_scene, problem=problem), numbers, None, unknowns(problem.scene))
 
 
-def _scene(unit: Array, _: PyTree, problem: Problem) -> Scene:
+def _scene(unit: Array, _: PyTree, problem: DesignProblem) -> Scene:
     return problem.design.scene(unit)
 
 
 def _number(
-    orbit: PeriodicOrbit, scene: Scene, unit: Array, _: PyTree, problem: Problem, name: str
+    orbit: PeriodicOrbit, scene: Scene, unit: Array, _: PyTree, problem: DesignProblem, name: str
 ) -> Scalar:
     return problem.numbers[name](orbit, scene, problem.chamber_at(unit))
 
 
 def solve_map(
-    problem: Problem,
+    problem: DesignProblem,
     places: Float[np.ndarray, "points n"],
     cells: tuple[int, int],
     keeps_contact: Callable[[], bool] = lambda: True,
@@ -161,7 +163,7 @@ def solve_map(
         rows, motions = solve(problem, places, near, effort="usual", tracking=tracking), MOTION
     rows |= drawn.turns(problem, places, rows)
     of = problem.objective
-    columns = columns_of(problem.scene.statistics, problem.told) | drawn.COLUMNS
+    columns = columns_of(problem.scene.statistics, problem.statistics) | drawn.COLUMNS
     columns |= {name: COLUMNS[name] for name in (*KEPT, *VERDICTS, "failure", "found", *motions)}
     columns["objective"] = Column(of.unit, of.meaning)
     columns["ideal_objective"] = drawn.COLUMNS["ideal_objective"]._replace(unit=of.unit)
@@ -172,12 +174,12 @@ def solve_map(
     return labelled(problem.design, places, cells, rows, columns)
 
 
-def widths(problem: Problem) -> Float[np.ndarray, " n"]:
+def widths(problem: DesignProblem) -> Float[np.ndarray, " n"]:
     """Return the width of the box in each parameter's unit."""
     return np.array([high - low for low, high in problem.design.bounds.values()])
 
 
-def orbit_of(problem: Problem, unit: Float[np.ndarray, " n"]) -> Orbit | None:
+def orbit_of(problem: DesignProblem, unit: Float[np.ndarray, " n"]) -> Orbit | None:
     """Return the orbit of one point, with as many nodes as it takes, closed by integration.
 
     Its slopes stand beside central differences of orbits, and are NaN where these are of another
@@ -186,7 +188,7 @@ def orbit_of(problem: Problem, unit: Float[np.ndarray, " n"]) -> Orbit | None:
     """
     if unsolvable(problem):
         return None
-    described = problem.design.described(problem.design.numbers(unit))
+    described = problem.design.completed(problem.design.numbers(unit))
     scene = problem.design.build(described)
     solution = jc.periodic_orbit(scene, effort="thorough")
     offsets = BESIDE * np.eye(len(unit))
@@ -207,9 +209,9 @@ def orbit_of(problem: Problem, unit: Float[np.ndarray, " n"]) -> Orbit | None:
     )
 
 
-def coexisting(problem: Problem, values: dict[str, float]) -> tuple[Coexisting, ...]:
+def coexisting(problem: DesignProblem, values: dict[str, float]) -> tuple[Coexisting, ...]:
     """Return the stable orbits that random starts about the centred one come to."""
-    described = problem.design.described(values)
+    described = problem.design.completed(values)
     scene, chamber = problem.design.build(described), problem.chamber_of(described)
     centred = started(problem.design, values, "centred")
     found = jc.coexisting_orbits(centred, starts=ENSEMBLE, turns=ENSEMBLE_TURNS)
@@ -220,7 +222,7 @@ def coexisting(problem: Problem, values: dict[str, float]) -> tuple[Coexisting, 
     )
 
 
-def error(problem: Problem, solution: PeriodicOrbit, objective: float) -> float:
+def error(problem: DesignProblem, solution: PeriodicOrbit, objective: float) -> float:
     """Return the estimated error of an objective: that of a difference is that of its parts."""
     outputs, unit = problem.objective.outputs, problem.objective.unit
     parts = [solution[name] for name in outputs if problem.scene.statistics[name].unit == unit]

@@ -16,7 +16,7 @@ from jaxcrusher.scenes.units import points_of
 from jaxcrusher.sheets.load_sheet import Row, Site, sheet
 from optimize.answer import Answer, Coexisting, Confirmed, Maps, Orbit, Refinement
 from optimize.ask.constraints import losses
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.search import descents, landscape, orbits
 from optimize.search.active import active_constraints
 from optimize.search.bound import MOST, Points, Refined, optimality_bound, refined, unbounded
@@ -76,13 +76,13 @@ def _keeps_contact(data: xr.Dataset) -> bool:
     return not shares or bool((np.min(shares, axis=0) >= ALL_THE_TIME).any())
 
 
-def _short(problem: Problem) -> Window:
+def _short(problem: DesignProblem) -> Window:
     """Return the turns and the tolerance of the landscape's runs."""
     return Window(problem.effort.settle, problem.effort.turns, MAP_RTOL)
 
 
 def _map_orbits(
-    problem: Problem, work: Work, points: np.ndarray, contact: Future[bool]
+    problem: DesignProblem, work: Work, points: np.ndarray, contact: Future[bool]
 ) -> xr.Dataset | None:
     """Map the periodic orbits of places of the unit box; None where there are none to solve for.
 
@@ -100,7 +100,7 @@ def _map_orbits(
     return data
 
 
-def _explore(problem: Problem, work: Work, cells: np.ndarray) -> xr.Dataset:
+def _explore(problem: DesignProblem, work: Work, cells: np.ndarray) -> xr.Dataset:
     """Integrate places from both starts; return the landscape, which is also written."""
     window, count = _short(problem), len(landscape.STARTS) * len(cells)
     with work.stage("landscape", count) as tracking:
@@ -113,7 +113,7 @@ def _explore(problem: Problem, work: Work, cells: np.ndarray) -> xr.Dataset:
     return data
 
 
-def _provenance(title: str, problem: Problem, **settings: Any) -> dict[str, Any]:
+def _provenance(title: str, problem: DesignProblem, **settings: Any) -> dict[str, Any]:
     design = problem.design
     return provenance(
         title, scene=design.whole(design.fixed), bounds=dict(design.bounds), **settings
@@ -169,7 +169,7 @@ def refine(answer: Answer, work: Work) -> Answer:
 
 
 def _by_gradients(
-    problem: Problem, starts: np.ndarray, tracking: Tracking
+    problem: DesignProblem, starts: np.ndarray, tracking: Tracking
 ) -> tuple[list[Descent], np.ndarray]:
     """Descend in lock-step and polish the best ends that lie apart; return all, and those.
 
@@ -191,7 +191,9 @@ def _by_gradients(
     return polished + found, np.stack([one.path[-1] for one in polished])
 
 
-def _by_fits(problem: Problem, starts: np.ndarray, work: Work, tracking: Tracking) -> list[Descent]:
+def _by_fits(
+    problem: DesignProblem, starts: np.ndarray, work: Work, tracking: Tracking
+) -> list[Descent]:
     """Descend by fits to runs from random starts, in lock-step."""
     steps = []
 
@@ -301,7 +303,9 @@ def _coexisting(answer: Answer, work: Work) -> dict[str, Confirmed]:
     }
 
 
-def by_worst_orbit(problem: Problem, design: Confirmed, found: tuple[Coexisting, ...]) -> Confirmed:
+def by_worst_orbit(
+    problem: DesignProblem, design: Confirmed, found: tuple[Coexisting, ...]
+) -> Confirmed:
     """Return a design with the orbits that random starts come to, judged by the worst."""
     design = replace(design, coexisting=found)
     known = (one for one in found if not np.isnan(one.objective))

@@ -10,7 +10,7 @@ from jaxcrusher.scenes.units import said, unit_of
 from jaxcrusher.sheets.feed_response import TURNS
 from optimize.answer import Answer, Check, Confirmed
 from optimize.ask.limits import OF_ORBIT, OF_RUN, Found
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.search.confirm import least_contact, long_window
 from optimize.search.orbits import worse
 from optimize.tell.words import active, coexisting, shown
@@ -79,7 +79,7 @@ def checks(answer: Answer) -> tuple[Check, ...]:
     )
 
 
-def _inside(best: Confirmed, problem: Problem) -> bool:
+def _inside(best: Confirmed, problem: DesignProblem) -> bool:
     """Tell whether all free numbers are inside their bounds, of either sign, but for rounding."""
     inside = []
     for name, (low, high) in problem.design.bounds.items():
@@ -88,7 +88,7 @@ def _inside(best: Confirmed, problem: Problem) -> bool:
     return all(inside)
 
 
-def _limits(best: Confirmed, problem: Problem) -> tuple[Check, ...]:
+def _limits(best: Confirmed, problem: DesignProblem) -> tuple[Check, ...]:
     """Check each limit on all motions that the optimum comes to; those beside it by their model."""
     checked = []
     if problem.inside_model and best.coexisting:
@@ -110,7 +110,7 @@ def _limits(best: Confirmed, problem: Problem) -> tuple[Check, ...]:
     return tuple(checked)
 
 
-def _capacity(best: Confirmed, problem: Problem) -> tuple[Check, ...]:
+def _capacity(best: Confirmed, problem: DesignProblem) -> tuple[Check, ...]:
     """Check the capacity of a crusher."""
     if best.crushing is None:
         return ()
@@ -119,7 +119,7 @@ def _capacity(best: Confirmed, problem: Problem) -> tuple[Check, ...]:
     return (Check("capacity at least the floor", bool(problem.reaches(capacity)), detail),)
 
 
-def _ideal(best: Confirmed, problem: Problem) -> tuple[Check, ...]:
+def _ideal(best: Confirmed, problem: DesignProblem) -> tuple[Check, ...]:
     """Check a crusher's force against that with an ideal joint, of which clearance takes little."""
     if problem.chamber is None:
         return ()
@@ -134,21 +134,21 @@ def _ideal(best: Confirmed, problem: Problem) -> tuple[Check, ...]:
     )
 
 
-def _below_ideal(problem: Problem, best: Confirmed) -> float:
+def _below_ideal(problem: DesignProblem, best: Confirmed) -> float:
     """Return by how much of the ideal joint's RMS a loose joint can lower it at most.
 
     Friction that follows the surfaces' slip turns the jaw one way all the time. Its moment, at most
     the coefficient times bore radius and force, changes the forces at toggle and bearing by itself
     over the jaw's length.
     """
-    described = problem.design.whole(problem.design.described(best.values))
+    described = problem.design.whole(problem.design.completed(best.values))
     if described["slip"] != "surface":
         return BELOW_IDEAL
     lever = described["bore_radius"] / described["jaw.length"]
     return BELOW_IDEAL + 2 * described["friction"] * lever
 
 
-def _slopes(best: Confirmed, problem: Problem) -> tuple[Check, ...]:
+def _slopes(best: Confirmed, problem: DesignProblem) -> tuple[Check, ...]:
     """Check the slopes at the optimum against differences of orbits; other motions have none."""
     name, orbit = "the slopes at the optimum may be believed", best.orbit
     if orbit is None or not best.settles:

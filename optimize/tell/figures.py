@@ -18,13 +18,13 @@ from matplotlib.figure import Figure
 import jaxcrusher as jc
 from jaxcrusher.files.results import write_text
 from jaxcrusher.files.text import prefixed, quantity
-from jaxcrusher.motion.simulation import leading_force
+from jaxcrusher.motion.simulation import headline_force
 from jaxcrusher.pictures import mechanism, plots
 from jaxcrusher.scenes.parameters import in_words
 from jaxcrusher.scenes.units import said, unit_of
 from optimize.answer import Answer, Confirmed, Front, Refinement
 from optimize.ask.constraints import may_be_stable
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.search.evaluate import started
 from optimize.search.landscape import worst
 from optimize.search.orbits import unsolvable
@@ -232,7 +232,7 @@ def _marker(title: str) -> dict[str, Any]:
     return OPTIMUM if title == "optimum" else COMPARED
 
 
-def draw_capacity(folder: Path, problem: Problem) -> None:
+def draw_capacity(folder: Path, problem: DesignProblem) -> None:
     """Draw a crusher's capacity over speed, with the box searched."""
     chamber = problem.chamber
     assert chamber is not None
@@ -300,9 +300,9 @@ def _zoom_to_front(ax: Axes) -> None:
         ax.set(ylim=(low[1] - margin[1], high[1] + margin[1]))
 
 
-def draw_bearings(folder: Path, problem: Problem, design: Confirmed) -> None:
+def draw_bearings(folder: Path, problem: DesignProblem, design: Confirmed) -> None:
     """Draw where the frame carries the machine, at O and C, when the toggle presses hardest."""
-    scene = problem.design.build(problem.design.described(design.values)).ideal()
+    scene = problem.design.build(problem.design.completed(design.values)).ideal()
     times = 2 * np.pi / design.speed * np.linspace(0, 1, 73)
     turn = jc.simulate(scene, times, outputs=mechanism.DRAWN)
     hardest = int(np.argmax(np.linalg.norm(turn["toggle_reaction"], axis=1)))
@@ -332,8 +332,8 @@ def draw_motions(folder: Path, answer: Answer) -> None:
         squeeze=False,
     )
     for (place, force), (title, design) in zip(axes, answer.designs.items(), strict=True):
-        scene = problem.design.build(problem.design.described(design.values))
-        name, prefix = leading_force(scene), scene.prefix(scene.joints.names[0])
+        scene = problem.design.build(problem.design.completed(design.values))
+        name, prefix = headline_force(scene), scene.prefix(scene.joints.names[0])
         clearance = float(scene.joints.values[0].clearance)
         outputs = name, f"{prefix}eccentricity"
         times = 2 * np.pi / design.speed * turns

@@ -60,7 +60,7 @@ def _plain(value: Any) -> Any:
 
 def _orbit(orbit: PeriodicOrbit) -> dict[str, Any]:
     """Return the numbers of an orbit without its path: forces, RMS and peak, and `KEPT` ones."""
-    forces = dict.fromkeys((orbit.scene.leading, "shaking_rms"))
+    forces = dict.fromkeys((orbit.scene.headline, "shaking_rms"))
     forces |= {name.replace("rms", "peak"): None for name in forces}
     numbers = {name: float(getattr(orbit, name)) for name in (*forces, *KEPT)}
     parts = [[float(m.real), float(m.imag)] for m in orbit.multipliers]

@@ -99,7 +99,7 @@ def headline(found: Answer) -> list[tuple[str, str, str]]:
 
 def answer(found: Answer) -> Table:
     """Return the designs side by side: numbers with units, and how the optimum changes them."""
-    columns = [_told(found, title, design) for title, design in found.designs.items()]
+    columns = [_number_texts(found, title, design) for title, design in found.designs.items()]
     both = len(columns) == 2
     rows = []
     for named in columns[0]:
@@ -114,7 +114,9 @@ def _change(one: float, other: float) -> str:
     return f"{change:+.1f} %" if abs(change) < 1e3 else ""
 
 
-def _told(found: Answer, title: str, design: Confirmed) -> dict[tuple[str, str], tuple[str, float]]:
+def _number_texts(
+    found: Answer, title: str, design: Confirmed
+) -> dict[tuple[str, str], tuple[str, float]]:
     """Return the numbers of a design as text and as numbers, by their meaning and unit."""
     objective, units = found.problem.objective, found.problem.units
     told: dict[tuple[str, str], tuple[str, float]] = {}

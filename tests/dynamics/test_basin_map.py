@@ -78,7 +78,7 @@ def test_states_with_a_memory_and_a_linkage_that_is_no_crusher(kind, monkeypatch
     )
     mapped = jc.basin_map(lambda of: scene, {"of": [1.0]}, starts=2)
     np.testing.assert_array_equal(mapped.start_state[0], starts)
-    assert float(mapped.worst_rms[0]) == float(orbit[scene.leading])
+    assert float(mapped.worst_rms[0]) == float(orbit[scene.headline])
 
 
 def test_a_stored_map_that_was_stopped_goes_on(tmp_path, monkeypatch):

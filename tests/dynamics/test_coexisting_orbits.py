@@ -140,10 +140,10 @@ def test_known_orbits_are_not_shot_for_again(monkeypatch):
     monkeypatch.setattr(module, "shoot", shoot)
     known = module._Known(None, [Orbit(one)])
     wide = oscillation_about(one, 0.05)
-    assert known.about(wide, 0.1) == 0 and not known.held(0, wide)
+    assert known.about(wide, 0.1) == 0 and not known.surely_decays(0, wide)
     narrow = oscillation_about(one, 0.015)
     # It keeps contact, which is 0.02 clearances deep.
-    assert known.about(narrow, 0.1) == 0 and known.held(0, narrow)
+    assert known.about(narrow, 0.1) == 0 and known.surely_decays(0, narrow)
     other = oscillation_about(two, 1e-4)
     assert known.about(other, 0.0) is None and not shots
     # In vain, from each of its turns, then not again; from another place it is found.

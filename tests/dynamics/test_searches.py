@@ -7,17 +7,17 @@ import jaxcrusher as jc
 from jaxcrusher.basics.record import words
 from jaxcrusher.dynamics import searches
 from jaxcrusher.dynamics.searches import together
-from jaxcrusher.orbits.effort import Spent
+from jaxcrusher.orbits.effort import Budget
 from jaxcrusher.orbits.result import RESULTS, WAYS
-from jaxcrusher.orbits.transient import Wait, resting_start
+from jaxcrusher.orbits.transient import Transient, resting_start
 
 
 def waited(case, runs):
     """Wait for a crusher of some clearance (m) as the effort `quick` does."""
     ((clearance,),) = case
-    wait = Wait(jc.paper_scene(30.0, float(clearance)), Spent("quick"), runs)
+    wait = Transient(jc.paper_scene(30.0, float(clearance)), Budget("quick"), runs)
     rounds = list(wait.rounds())
-    return {"mean": rounds[-1].states.mean(axis=0), "turns": np.asarray(wait.spent.turns)}
+    return {"mean": rounds[-1].states.mean(axis=0), "turns": np.asarray(wait.budget.turns)}
 
 
 def test_turns_of_searches_are_those_of_each_alone():
@@ -75,7 +75,7 @@ def test_turns_for_slopes_are_those_of_a_lone_search():
         return {"ends": ends, "steps": np.asarray(steps)}
 
     alone, many = (
-        turned(None, Wait(scene, Spent("quick"))._runs),
+        turned(None, Transient(scene, Budget("quick"))._runs),
         together(turned, ((np.zeros(1),),)),
     )
     np.testing.assert_allclose(many["ends"][0], alone["ends"], atol=1e-6)

@@ -41,7 +41,7 @@ def test_identify(tmp_path):
         # Four standard deviations of a single draw.
         assert abs(off) < 4 * kept["standard_deviations"][name] < 0.25 * exact
     assert len(kept["fitted_amplitude"]) == len(kept["measured"]) == 12
-    assert kept["degrees_of_freedom"] == 12 + 1 - 3 and kept["untold"] == []
+    assert kept["degrees_of_freedom"] == 12 + 1 - 3 and kept["unidentifiable"] == []
     # In the units of the scene file.
     assert f"jaw.mass: {kept['values']['jaw.mass'] / 1e3:.6g} t ±" in text
     assert "chi-square" in text and "bits more" in text
@@ -112,14 +112,14 @@ def test_the_example_to_copy_finds_the_numbers_that_it_was_made_of(tmp_path):
         # Three standard deviations of a single draw, which are 3 % at most.
         off, sigma = kept["values"][name] - exact, kept["standard_deviations"][name]
         assert abs(off) < 3 * sigma < 0.1 * exact, name
-    assert kept["untold"] == [] and kept["degrees_of_freedom"] == 27 - 4
+    assert kept["unidentifiable"] == [] and kept["degrees_of_freedom"] == 27 - 4
     # What is printed is in the words of a plant, with the name that the CSV takes.
     told = [line for line in text.splitlines() if line.startswith("Tells ")]
     assert len(told) == 3 and all(
         re.search(r": .* \(\w+\), (mean|order \d), at", one) for one in told
     )
     shown = read_machine(EXAMPLES / "on_mounts.toml").scene().measurable
-    for one in kept["further"]:
+    for one in kept["optimal_experiments"]:
         assert one["quantity"].removesuffix("_x").removesuffix("_y") in shown
 
 

@@ -66,7 +66,7 @@ def test_exact_data_give_back_the_numbers(name):
     found = identify(jc.paper_machine(**machine | free), rows, [*free], starts=1, nodes=NODES)
     # The block's model is linear to 1e-6 of its motion, and links of 1e-9 kg count 1e-7.
     np.testing.assert_allclose([*found.values.values()], truth(name, free), rtol=1e-5)
-    assert not found.untold
+    assert not found.unidentifiable
     # The inverse of the normal equations' matrix, in deviations; rounding by its condition.
     sizes = np.array([*free.values()])
     _, slopes = found.problem.at(np.array([*found.values.values()]) / sizes)

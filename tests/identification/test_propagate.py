@@ -9,7 +9,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.identification import model
-from jaxcrusher.identification.model import What, _seen
+from jaxcrusher.identification.model import What, _predicted
 from jaxcrusher.motion.turns import Turns
 from jaxcrusher.orbits.result import RESULTS, missing
 from tests.identification import by_hand
@@ -27,7 +27,7 @@ def test_harmonics_are_over_all_turns_of_a_period(monkeypatch):
     turns = Turns(scene, 2, {"force": curve[None]})
     monkeypatch.setattr(model, "turns_of", lambda orbit, entries: turns)
     orbit = SimpleNamespace(scene=scene, stable=True)
-    mean, first, second, rms = _seen(orbit, What(("force",), 2, ())).spectra["force"]
+    mean, first, second, rms = _predicted(orbit, What(("force",), 2, ())).spectra["force"]
     np.testing.assert_allclose([mean, first, second], [0, 3 * np.exp(0.4j), 0], atol=1e-13)
     assert float(abs(rms)) == pytest.approx(np.sqrt((1 + 9) / 2), rel=1e-13)
 

@@ -57,7 +57,7 @@ def test_sensors_alone_give_mass_and_stiffness_of_a_block(found):
     right = [by_hand.BLOCK[name] for name in FREE]
     # The block's model is linear to 1e-6 of its motion.
     np.testing.assert_allclose([*found.values.values()], right, rtol=1e-5)
-    assert not found.untold and not found.remarks
+    assert not found.unidentifiable and not found.remarks
 
 
 def test_slopes_of_sensors_are_differences_of_harmonics_by_hand(found):

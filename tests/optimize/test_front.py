@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from optimize.ask.options import Options
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.ask.resolve import resolve
 from optimize.search import active, orbits
 from optimize.search.active import active_constraints
@@ -77,7 +77,7 @@ def test_a_descent_stops_at_its_floor():
     np.testing.assert_allclose(found.gradient, 0.4, atol=1e-6)
 
 
-def a_problem(floor: float, slope: tuple[float, float]) -> Problem:
+def a_problem(floor: float, slope: tuple[float, float]) -> DesignProblem:
     """Two numbers in boxes 2 and 5 wide, and links that decide the capacity."""
     names, bounds = ("a", "b"), {"a": (0.0, 2.0), "b": (0.0, 5.0)}
     design = SimpleNamespace(

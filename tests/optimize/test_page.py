@@ -33,7 +33,7 @@ from optimize.answer import (
 )
 from optimize.ask.design import Design
 from optimize.ask.objectives import OBJECTIVES
-from optimize.ask.problem import Problem
+from optimize.ask.problem import DesignProblem
 from optimize.search import stages
 from optimize.search.motions import INSTANTS, turns
 from optimize.tell import figures, tables
@@ -88,12 +88,14 @@ def hand_made_orbits() -> xr.Dataset:
 BOUNDS = {"speed": (25.0, 35.0), "clearance": (3e-5, 6e-5), "friction": (0.0, 0.1)}
 
 
-def hand_made_problem(*free: str, **given: Any) -> Problem:
+def hand_made_problem(*free: str, **given: Any) -> DesignProblem:
     """Of the paper's crusher with a friction of 0.05 and these numbers, as far as none is free."""
     machine = jc.paper_machine(**{"friction": 0.05, **given})
     design = Design({name: BOUNDS[name] for name in free}, machine)
     chamber = CrushingChamber()
-    return Problem(design, replace(OBJECTIVES["rms"], name="rms"), chamber, capacity_floor=5.6)
+    return DesignProblem(
+        design, replace(OBJECTIVES["rms"], name="rms"), chamber, capacity_floor=5.6
+    )
 
 
 BEGUN = Answer(
@@ -538,9 +540,9 @@ def test_a_cell_without_an_orbit_has_the_command_that_names_its_motion():
 def test_the_map_has_every_orbits_path_and_force():
     """Against the integrated motion from the orbit's own state, and the ideal joints' motion."""
     design = Design({"speed": (25.0, 35.0), "clearance": (3e-5, 6e-5)})
-    problem = Problem(design, OBJECTIVES["rms"], CrushingChamber())
+    problem = DesignProblem(design, OBJECTIVES["rms"], CrushingChamber())
     units = np.array([[0.5, 1.0], [0.0, 0.0]])
-    scene = design.build(design.described(design.numbers(units[0])))
+    scene = design.build(design.completed(design.numbers(units[0])))
     orbit = jc.periodic_orbit(scene)
     nodes = np.stack([np.asarray(orbit.eccentricity)] * 2)
     rows = {"success": np.array([True, False]), "eccentricity": nodes}

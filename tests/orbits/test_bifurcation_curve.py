@@ -86,7 +86,7 @@ def test_lost_contact_is_followed_by_shooting():
     over = eqx.Partial(closing, clearance=jnp.asarray(0.12e-3))
     problem = problem_of(over, jnp.asarray(34.33), 1, nodal=False)
     # A section point of the unstable motion of one turn, to four places; Newton's method goes on.
-    states = problem.along(np.array([0.6083, 0.8149, -0.0034, 0.0024]), 34.317)
+    states = problem.unknowns_from(np.array([0.6083, 0.8149, -0.0034, 0.0024]), 34.317)
     more = dict(scale=1.0, bounds=(34.31, 34.33), upwards=False, points=2)
     branch = follow(problem, states, 34.321, **more)
     (lost,) = special_points(branch)

@@ -5,7 +5,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.orbits import periodic_orbit
-from jaxcrusher.orbits.effort import Spent
+from jaxcrusher.orbits.effort import Budget
 from jaxcrusher.orbits.impact_velocities import settled_velocities
 
 
@@ -14,10 +14,10 @@ def test_a_tracked_velocity_is_held_at_what_it_comes_to():
     # 40 turns after 4000, the velocity tracked all the way, at a tolerance of 1e-9.
     assert orbit.stable and float(orbit.foundation_rms) == pytest.approx(19102.3157338, rel=1e-9)
     # The floor, below which no impact is counted.
-    assert orbit.held_velocities is not None
-    assert float(orbit.held_velocities["main"]) == pytest.approx(0.01, rel=1e-12)
+    assert orbit.frozen_impact_velocities is not None
+    assert float(orbit.frozen_impact_velocities["main"]) == pytest.approx(0.01, rel=1e-12)
     assert orbit.found.endswith("tracked impact velocity held at 0.01 m/s at the main joint")
-    assert jc.periodic_orbit(jc.ideal_scene(30.0)).held_velocities is None
+    assert jc.periodic_orbit(jc.ideal_scene(30.0)).frozen_impact_velocities is None
 
 
 @pytest.mark.slow
@@ -35,7 +35,7 @@ def test_slopes_hold_it():
 @pytest.mark.slow
 def test_a_motion_that_goes_on_losing_contact_is_refused():
     scene = jc.paper_scene(30.0, 0.06e-3, impact_law="tracked", load_law="closing_stroke")
-    spent = Spent("quick")
+    spent = Budget("quick")
     assert settled_velocities(scene, spent) is None and spent.turns > 0
     orbit = jc.periodic_orbit(scene, effort="quick")
     assert not orbit.success and "losing contact" in orbit.failure

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import jaxcrusher as jc
-from jaxcrusher.orbits.solving import solved, with_statistics
+from jaxcrusher.orbits.solving import orbit_nodes, with_statistics
 
 
 def by_nodes(scene, nodes):
-    return with_statistics(scene, *solved(scene, None, 1, nodes), 1)
+    return with_statistics(scene, *orbit_nodes(scene, None, 1, nodes), 1)
 
 
 def apart(one, other):

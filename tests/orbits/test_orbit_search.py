@@ -13,17 +13,17 @@ from jaxcrusher.motion.indicators import CHAOS
 from jaxcrusher.motion.section import fine
 from jaxcrusher.orbits import search as searches
 from jaxcrusher.orbits import transient
-from jaxcrusher.orbits.effort import EFFORTS, Spent
+from jaxcrusher.orbits.effort import EFFORTS, Budget
 from jaxcrusher.orbits.result import RESULTS, WAYS, missing
 from jaxcrusher.orbits.search import (
+    Attempt,
     OrbitSearch,
-    Try,
     first_stable,
     searched,
     with_doubled,
 )
-from jaxcrusher.orbits.solving import solved
-from jaxcrusher.orbits.transient import Round, Wait, resting_start
+from jaxcrusher.orbits.solving import orbit_nodes
+from jaxcrusher.orbits.transient import Round, Transient, resting_start
 from jaxcrusher.periodic import newton
 from jaxcrusher.periodic.multipliers import UNSURE
 from jaxcrusher.periodic.trigonometric import resample
@@ -69,7 +69,7 @@ def test_multipliers_of_a_contact_that_damps_too_fast_for_the_usual_steps(impact
     scene = jc.paper_scene(30.0, 0.06e-3, impact_velocity=impact_velocity)
     usual = jc.periodic_orbit(scene, nodes=96)
     assert usual.stable and usual.multipliers_error < UNSURE
-    found, _ = solved(scene, None, 1, 96)
+    found, _ = orbit_nodes(scene, None, 1, 96)
     # What `jax.jit` has, by steps of the shortest length: little where it is least.
     assert bool(found.multipliers.error < UNSURE) == (impact_velocity > 1e-5)
     # By the integrator, slice by slice; at this tolerance it leaves 1e-8 of the largest.
@@ -117,7 +117,7 @@ def test_the_first_stable_orbit_is_the_answer():
     made = {"stable": stable, "unstable": unstable, "none": none}
 
     def answer(*names):
-        return first_stable(Try(made[name], made[name]) for name in names)
+        return first_stable(Attempt(made[name], made[name]) for name in names)
 
     assert answer("none", "unstable", "stable", "none").way == WAYS.rest
     assert answer("none", "unstable", "none").way == WAYS.guess
@@ -137,13 +137,13 @@ def test_nodes_are_doubled_until_the_orbit_is_closed():
             def by_so_many(self, guess, turns, count):
                 way, closure = WAYS.guess if asked else WAYS.damping, closures[len(asked)]
                 asked.append(count)
-                return Try(beside, beside), Found(way, jnp.array(closure))
+                return Attempt(beside, beside), Found(way, jnp.array(closure))
 
             def with_multipliers(self, found, nodes):
                 return found
 
         asked.clear()
-        return Search(scene, scene, None, None, None, Spent("usual")).by_nodes(None, 1).orbit
+        return Search(scene, scene, None, None, None, Budget("usual")).by_nodes(None, 1).orbit
 
     orbit = answer(1e-3, 0.0)
     assert asked == [96, 192] and orbit.success and orbit.way == WAYS.damping
@@ -163,13 +163,13 @@ def test_a_section_point_that_keeps_contact_is_solved_for_by_nodes(monkeypatch):
             # A turn's tolerance of 1e-8, over 1 less the largest multiplier, which is 0.9996.
             found = resample(jnp.asarray(guess), 96)
             np.testing.assert_allclose(found, stable.eccentricity, atol=2.5e-5)
-            return Try(stable, stable)
+            return Attempt(stable, stable)
 
         def by_shooting(self, start, turns):
             asked.append("shot")
-            return Try(stable, stable)
+            return Attempt(stable, stable)
 
-    search = Search(scene, scene, None, None, None, Spent("usual"))
+    search = Search(scene, scene, None, None, None, Budget("usual"))
     beside = stable.section + jnp.array([1e-3, 0.0, 0.0, 0.0])
     (found,) = search.by_shots(beside, 1, WAYS.waiting)
     assert found.orbit.way == WAYS.waiting and asked == [192]
@@ -179,7 +179,9 @@ def test_a_section_point_that_keeps_contact_is_solved_for_by_nodes(monkeypatch):
         wave = bent * np.cos(2 * np.pi * 120 * np.arange(1024) / 1024)[:, None]
         one = searches.Followed(stable.section, jnp.asarray(path + wave), fine())
         monkeypatch.setattr(searches, "followed", lambda *_, one=one: one)
-        monkeypatch.setattr(Search, "by_nodes", lambda *a, o=orbit: asked.append(a[3]) or Try(o, o))
+        monkeypatch.setattr(
+            Search, "by_nodes", lambda *a, o=orbit: asked.append(a[3]) or Attempt(o, o)
+        )
         asked.clear()
         list(search.by_shots(stable.section, 1, WAYS.waiting))
         assert asked == expected
@@ -189,7 +191,7 @@ def test_newtons_method_comes_to_the_section_point_of_an_orbit():
     """With the slopes of one turn and of two, and its slopes are those of the multipliers."""
     scene = jc.paper_scene(30.0, 0.06e-3)
     orbit = jc.periodic_orbit(scene, nodes=96)
-    search = OrbitSearch(scene, scene, None, None, None, Spent("usual"))
+    search = OrbitSearch(scene, scene, None, None, None, Budget("usual"))
     for turns in (1, 2):
         found = search.approached(orbit.section + jnp.array([1e-3, -1e-3, 0.0, 0.0]), turns)
         # A turn's tolerance of 1e-8, over 1 less the largest multiplier, which is 0.99993.
@@ -197,7 +199,7 @@ def test_newtons_method_comes_to_the_section_point_of_an_orbit():
         largest = np.max(np.abs(np.linalg.eigvals(np.asarray(found.jacobian) + np.eye(4))))
         # Differences leave 1e-4 of a slope.
         assert largest == pytest.approx(float(orbit.largest_multiplier) ** turns, abs=1e-3)
-    assert search.spent.steps > 1000
+    assert search.budget.steps > 1000
     assert search.approached(jnp.full(4, 50.0), 1) is None
 
 
@@ -212,11 +214,11 @@ def test_twice_the_turns_are_shot_for_once_beside_an_orbit_that_doubles():
         class Search(OrbitSearch):
             def doubled(self, orbit):
                 beside.append(orbit)
-                yield Try(found, found)
+                yield Attempt(found, found)
 
         beside.clear()
-        search = Search(scene, scene, None, None, period, Spent("thorough"))
-        return first_stable(with_doubled(search, [Try(orbit, orbit)] * 2)), len(beside)
+        search = Search(scene, scene, None, None, period, Budget("thorough"))
+        return first_stable(with_doubled(search, [Attempt(orbit, orbit)] * 2)), len(beside)
 
     orbit, count = answer(doubles, twice)
     assert orbit.way == WAYS.doubling and count == 1
@@ -263,7 +265,7 @@ def test_an_unstable_orbit_says_how_disturbances_grow():
     assert dataclasses.replace(orbit, result=RESULTS.whirl).instability == ""
 
 
-class Swinging(Wait):
+class Swinging(Transient):
     """Turns at random, again and again; a motion beside goes off as exp(growth * turns)."""
 
     def __init__(self, growth, spent, steps=0, whirling=False):
@@ -295,34 +297,34 @@ class Swinging(Wait):
 )
 def test_a_swing_that_may_settle_is_waited_for_and_chaos_is_not(growth, effort, rounds):
     """At (38.687 rad/s, 0.10569 mm) disturbances grow by 0.07 a turn before the motion settles."""
-    wait = Swinging(growth, Spent(effort))
+    wait = Swinging(growth, Budget(effort))
     seen = list(wait.rounds())
     assert len(seen) == rounds and [one.chaotic for one in seen] == [growth > 1] * rounds
-    assert wait.spent.turns == len(seen[-1].states) * 2 == 120 * 2**rounds
+    assert wait.budget.turns == len(seen[-1].states) * 2 == 120 * 2**rounds
     name = RESULTS.chaotic if growth > 1 else RESULTS.aperiodic
     assert wait.regime() == name
 
 
 def test_a_wait_ends_where_its_steps_are_spent():
     """10 000 steps a turn: 72 turns, and 24 beside them, are all pieces of a million steps."""
-    wait = Swinging(0.1, Spent("quick"), steps=10_000)
+    wait = Swinging(0.1, Budget("quick"), steps=10_000)
     (last,) = wait.rounds()
-    assert wait.spent.turns == 72 and len(last.states) == 36
-    assert wait.spent.steps == 960_000 <= EFFORTS["quick"].steps
-    said = wait.told()
+    assert wait.budget.turns == 72 and len(last.states) == 36
+    assert wait.budget.steps == 960_000 <= EFFORTS["quick"].steps
+    said = wait.explanation()
     assert said.startswith("The motion from rest does not repeat within the wait")
     assert "Tried: a wait of 72 turns." in said and 'effort="thorough"' in said
-    endless = Swinging(0.1, Spent("thorough"), steps=10_000)
-    assert len(list(endless.rounds())) == 6 and endless.spent.turns == 7680
+    endless = Swinging(0.1, Budget("thorough"), steps=10_000)
+    assert len(list(endless.rounds())) == 6 and endless.budget.turns == 7680
 
 
 def test_turns_of_more_steps_than_the_effort_has_are_not_waited_for():
     """Each turn of the paper's crusher takes some 600 steps."""
-    wait = Wait(jc.paper_scene(27.0, 0.05e-3), Spent("quick"))
-    wait.spent.bounds = wait.spent.bounds._replace(steps=200 * transient.PIECE)
-    assert not list(wait.rounds()) and wait.spent.turns == 0
+    wait = Transient(jc.paper_scene(27.0, 0.05e-3), Budget("quick"))
+    wait.budget.bounds = wait.budget.bounds._replace(steps=200 * transient.PIECE)
+    assert not list(wait.rounds()) and wait.budget.turns == 0
     assert wait.regime() == RESULTS.too_long
-    assert wait.spent.steps <= 201
+    assert wait.budget.steps <= 201
 
 
 @pytest.mark.usefixtures("unchecked")  # an error alone in place of what Newton's method found
@@ -342,16 +344,16 @@ def test_tangents_beyond_the_effort_are_not_integrated(monkeypatch, steps, integ
     monkeypatch.setattr(searches, "integrated_multipliers", tangents)
     Unsure = dataclasses.make_dataclass("Unsure", ["multipliers"], namespace={"doubted": False})
     Error = dataclasses.make_dataclass("Error", ["error"])
-    search = OrbitSearch(scene, scene, None, None, None, Spent("usual"))
-    search.spent.bounds = search.spent.bounds._replace(steps=steps)
-    found = search.with_multipliers(Try(at_rest, at_rest), Unsure(Error(jnp.array(2 * UNSURE))))
+    search = OrbitSearch(scene, scene, None, None, None, Budget("usual"))
+    search.budget.bounds = search.budget.bounds._replace(steps=steps)
+    found = search.with_multipliers(Attempt(at_rest, at_rest), Unsure(Error(jnp.array(2 * UNSURE))))
     assert bool(asked) == integrated == (found.orbit.multipliers_error == 0)
     turns = 17 if integrated else 1
-    assert 600 * turns < search.spent.steps < 2000 * turns
+    assert 600 * turns < search.budget.steps < 2000 * turns
 
 
 def test_an_interrupted_search_says_what_it_knows():
-    spent = Spent("usual")
+    spent = Budget("usual")
     spent.nodes.add(96)
 
     def stopped():
@@ -365,11 +367,11 @@ def test_an_interrupted_search_says_what_it_knows():
 @pytest.mark.parametrize(("rate", "grows"), [(1.7, True), (0.05, False), (-0.5, False)])
 def test_growth_is_that_of_a_motion_beside(rate, grows):
     """It is at least log(1 / 1e-5) / 24 of two motions that are as far apart as they come."""
-    wait = Swinging(rate, Spent("usual"), steps=4)
+    wait = Swinging(rate, Budget("usual"), steps=4)
     growth = wait.growth(wait.start, np.asarray(wait.piece(wait.start)[0])[-1])
     # A distance of 1e-5 is the difference of two numbers of 1, and grows by up to 1e-5 as it dies.
     assert growth == pytest.approx(min(rate, np.log(1e5) / transient.PIECE), rel=1e-3)
-    assert (growth > CHAOS) == grows and wait.spent.steps == 4 * transient.PIECE
+    assert (growth > CHAOS) == grows and wait.budget.steps == 4 * transient.PIECE
 
 
 def test_each_effort_takes_its_tries_in_its_order():
@@ -389,17 +391,17 @@ def test_each_effort_takes_its_tries_in_its_order():
         def by_so_many(self, guess, turns, count):
             rest = guess is None or np.isnan(guess).all()
             asked.append(("rest" if rest else "guess", count))
-            return Try(orbit, orbit), Found(WAYS.rest, jnp.array(0.0))
+            return Attempt(orbit, orbit), Found(WAYS.rest, jnp.array(0.0))
 
         def with_multipliers(self, found, nodes):
             return found
 
         def by_shots(self, start, turns, way):
             asked.append(("shot", turns))
-            yield Try(orbit, orbit)
+            yield Attempt(orbit, orbit)
 
         def wait(self):
-            return Still(0.1, self.spent)
+            return Still(0.1, self.budget)
 
     rest, shots = ("rest", 96), 3 * [("shot", 1)]
     finer = [("rest", 192), ("rest", 384)]  # the orbit found first is NaN
@@ -412,7 +414,7 @@ def test_each_effort_takes_its_tries_in_its_order():
     ):
         orbit = missing(scene, 1, RESULTS.contact_lost if lost else RESULTS.unresolved)
         asked.clear()
-        answer = searched(Search(scene, scene, None, None, None, Spent(effort)), None)
+        answer = searched(Search(scene, scene, None, None, None, Budget(effort)), None)
         assert not answer.success and asked == tried
         counts = " and ".join(sorted({str(count) for _, count in tried} - {"1"}, key=int))
         assert f"Tried: {counts} nodes a turn" in answer.failure
@@ -460,7 +462,7 @@ def test_what_the_motion_does_beside_an_unstable_orbit_is_named():
 
 
 def test_a_motion_that_repeats_is_told_from_chaos():
-    wait = Swinging(0.1, Spent("usual"))
+    wait = Swinging(0.1, Budget("usual"))
     assert wait.regime() is None
     turns, two = np.arange(960), np.tile([[0.1] * 4, [0.2] * 4], (120, 1))
     noise = np.random.default_rng(0).uniform(size=(960, 4))
@@ -479,6 +481,6 @@ def test_a_motion_that_repeats_is_told_from_chaos():
     ):
         wait._last = Round(states, growth)
         assert wait.regime() == name
-    whirling = Swinging(0.1, Spent("usual"), whirling=True)
-    assert not list(whirling.rounds()) and whirling.spent.turns == transient.PIECE
+    whirling = Swinging(0.1, Budget("usual"), whirling=True)
+    assert not list(whirling.rounds()) and whirling.budget.turns == transient.PIECE
     assert whirling.regime() == RESULTS.whirl

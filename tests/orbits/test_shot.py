@@ -10,7 +10,7 @@ import jaxcrusher as jc
 from jaxcrusher.motion.section import Slices
 from jaxcrusher.orbits import section_map, shot
 from jaxcrusher.orbits.scene_problems import SceneFlow
-from jaxcrusher.orbits.section_map import along, passed
+from jaxcrusher.orbits.section_map import outputs_along, passed
 from jaxcrusher.orbits.shot import closed
 from jaxcrusher.periodic.shooting_problem import ShootingProblem
 
@@ -57,7 +57,7 @@ def test_what_is_seen_along_an_orbit_has_second_derivatives(monkeypatch):
         x = jnp.asarray([0.7])
         for _ in range(50):  # a contraction by 0.5
             x = p * jnp.cos(x)
-        return along(p, x, 1, 1e-9, ("m",))[1]["m"][0]
+        return outputs_along(p, x, 1, 1e-9, ("m",))[1]["m"][0]
 
     def expected(p):
         x = 0.7
@@ -193,7 +193,7 @@ def test_slices_of_a_turn_from_states_of_their_own():
     """Joined, they are the turn: the last ends where that ends, and their matrices multiply."""
     section = np.array([0.6, 0.8, -0.003, 0.002])
     shooting = ShootingProblem(flow=SceneFlow(eqx.Partial(closing)))
-    at = shooting.linearised(shooting.along(section, CLOSING), CLOSING)
+    at = shooting.linearised(shooting.unknowns_from(section, CLOSING), CLOSING)
     turned = lambda state: np.asarray(passed(closing(CLOSING), jnp.asarray(state), 1e-11)[0])  # noqa: E731
     left = at.residual.reshape(8, 4)
     np.testing.assert_allclose(left[:-1], 0.0, atol=1e-12)

@@ -252,7 +252,7 @@ def test_the_jacobian_is_that_of_the_residual():
     """Block by block, against differentiating the whole residual; Newton then needs few steps."""
     system = System(hertz, jnp.asarray(2 * np.pi / 0.8), (jnp.asarray(0.2), jnp.asarray(0.8)))
     x = jnp.asarray(harmonic(0.55, 0.3, 8))
-    left, jacobian = system.linearised(x)
+    left, jacobian = system.residual_and_jacobian(x)
     np.testing.assert_allclose(left, system.residual(x), atol=1e-12)
     np.testing.assert_allclose(jacobian, jax.jacfwd(system.residual)(x), atol=1e-12)
     assert collocate(system, harmonic(0.55, 0.0))[1].steps <= 4

@@ -87,7 +87,7 @@ def test_folds_of_duffings_equation():
     (cusp,) = cusps(branch)
     np.testing.assert_allclose(cusp.parameter, both[:, 1].min(), rtol=1e-3)
     # There both parameters stand still along the curve; brentq leaves 1e-12 of a step.
-    assert abs(cusp.point.along[-1]) < 1e-9
+    assert abs(cusp.point.tangent[-1]) < 1e-9
 
 
 def van_der_pol(time, x, rate, args):
@@ -171,7 +171,7 @@ def test_a_bouncing_ball_doubles_its_period():
     """
     force, problem = 4.0, ball()
     state = np.array([-np.arccos(2 * np.pi * (0.5 - 1) / force), 2 * np.pi])
-    start = problem.along(state, force), force
+    start = problem.unknowns_from(state, force), force
     branch = follow(problem, *start, scale=1.0, bounds=(3.0, 5.0), points=40)
     (special,) = special_points(branch)
     assert special.kind == "period doubling"

@@ -185,7 +185,7 @@ def test_two_branches_that_cross(moved):
     assert birth.kind == "branch point"
     # Rounding, and in a slope what differences of Jacobians leave.
     np.testing.assert_allclose(birth.parameter, 0.0, atol=1e-12)
-    way = birth.point.along
+    way = birth.point.tangent
     np.testing.assert_allclose(way[0] / way[-1], moved, atol=1e-7)
     # The other branch is followed to both sides, with the mean that it has exactly.
     problem, u, off = other_branch(branch, birth)

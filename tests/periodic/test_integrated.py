@@ -28,7 +28,7 @@ def test_the_fold_is_that_of_collocation():
     states = ShootingProblem(flow=IntegratedSystem(over_speed))
     first = branch.points[0]
     rate = np.asarray(over_speed(jnp.asarray(start)).motion(jnp.asarray(first.u))[1])
-    begin = states.along(np.concatenate([first.u[0], rate[0]]), start)
+    begin = states.unknowns_from(np.concatenate([first.u[0], rate[0]]), start)
     shot = follow(states, begin, start, **more)
     by_states = [one for one in special_points(shot) if one.kind == "fold"]
     assert len(by_nodes) == len(by_states) == 2
@@ -54,7 +54,7 @@ def test_an_orbit_of_a_bent_spring():
     problem = ShootingProblem(
         flow=IntegratedSystem(family, lowest), period=1, watched=("too far down",)
     )
-    begin = problem.along(np.zeros(2), 1.6)
+    begin = problem.unknowns_from(np.zeros(2), 1.6)
     branch = follow(problem, begin, 1.6, scale=0.1, bounds=(1.3, 2.0), upwards=False, points=30)
     for point in branch.points:
         period = 2 * np.pi / (branch.scale * point.value)

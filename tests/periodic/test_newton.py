@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.periodic.newton import RESULTS, advanced, begun, newton
+from jaxcrusher.periodic.newton import RESULTS, advanced, first_iterate, newton
 from jaxcrusher.periodic.problem import MOST_CORRECTIONS
 from jaxcrusher.periodic.shooting_problem import LEAST_SHARE, NOISE
 from tests.periodic.maps import of_map
@@ -37,7 +37,7 @@ def by_problem(linearised, guess):
 
     looks = []
     equations = SimpleNamespace(guess=jnp.asarray(guess), linearised=looked)
-    return of_map(None).solved(equations), looks
+    return of_map(None).find_zero(equations), looks
 
 
 @pytest.mark.parametrize("guess", [[1.1, 2.1], [3.0, 0.0], [-3.0, 5.0]])
@@ -99,7 +99,7 @@ def test_the_last_step_is_taken():
 def test_a_guess_that_is_a_zero_is_looked_at_once():
     """Its own step is at most the tolerance, and no second look is needed."""
     guess = jnp.array([1.0, 2.0 + 1e-9])
-    now = advanced(begun(guess), *both(bent)(guess), 1e-7, 60)
+    now = advanced(first_iterate(guess), *both(bent)(guess), 1e-7, 60)
     assert now.done and now.success and now.steps == 1
     # A step squares what is left.
     np.testing.assert_allclose(now.point, [1.0, 2.0], atol=1e-15)
@@ -108,7 +108,7 @@ def test_a_guess_that_is_a_zero_is_looked_at_once():
 def test_a_quiet_residual_ends_it_with_a_whole_step():
     """Where neither the step has become shorter nor its Jacobian told the next one."""
     slopes, looks = 1e-4 * np.eye(2), ((1.1e-9, 1.0), (0.95e-9, 0.1))
-    now = begun(jnp.zeros(2))
+    now = first_iterate(jnp.zeros(2))
     for left, share in looks:
         assert not now.done
         now = advanced(now, np.full(2, left), share * slopes, 1e-7, 20, 1e-9, LEAST_SHARE)
@@ -131,8 +131,8 @@ def test_noise_of_the_residual_ends_it():
     quiet, _ = by_problem(noisy, np.zeros(2))
     assert quiet is not None
     np.testing.assert_allclose(quiet.unknowns, [2.0, 2.0], atol=2 * NOISE / 1e-4)
-    # Told of no noise, it looks on until its steps are used up or seem to lead nowhere.
-    now = begun(jnp.zeros(2))
+    # Summarised of no noise, it looks on until its steps are used up or seem to lead nowhere.
+    now = first_iterate(jnp.zeros(2))
     while not now.done:
         now = advanced(now, *noisy(now.point), 1e-7, 20, 0.0, LEAST_SHARE)
     assert not now.success

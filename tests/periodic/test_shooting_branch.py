@@ -41,7 +41,7 @@ def of_function(of, period=1):
 def followed(problem, state, start, bounds, *, upwards, points, scale=1.0):
     """The branch, and its special points."""
     more = dict(upwards=upwards, points=points)
-    unknowns = problem.along(state, start)
+    unknowns = problem.unknowns_from(state, start)
     branch = follow(problem, unknowns, start, scale=scale, bounds=bounds, **more)
     return branch, special_points(branch)
 
@@ -76,7 +76,7 @@ def test_folds_and_doublings_of_henons_map():
     stable = np.full(2, 1 / 0.7)
     low, (fold,) = followed(sections, stable, 0.0, (-1.0, 0.3), upwards=False, points=25)
     assert fold.kind == "fold"
-    assert low.points[-1].along[-1] > 0 > low.points[0].along[-1]
+    assert low.points[-1].tangent[-1] > 0 > low.points[0].tangent[-1]
     # Past the fold the upper bound ends it: the unstable rest there is the other root.
     begin = np.full(2, np.roots([-0.06, 0.7, -1])[1])
     back, _ = followed(sections, begin, -0.06, (-1.0, -0.05), upwards=False, points=99)
@@ -98,7 +98,7 @@ def test_where_both_rests_of_the_logistic_map_cross():
     assert found is not None and found.crossing is not None
     # The map's own differences leave 1e-10 of its derivatives, and 1e-5 of what these bend.
     np.testing.assert_allclose(found.place, [0.0, 1.0], atol=1e-9)
-    np.testing.assert_allclose(found.along, np.sqrt([0.5, 0.5]), atol=1e-4)
+    np.testing.assert_allclose(found.tangent, np.sqrt([0.5, 0.5]), atol=1e-4)
     np.testing.assert_allclose(found.crossing[0] / found.crossing[1], 0.0, atol=1e-4)
 
 

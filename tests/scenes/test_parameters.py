@@ -14,12 +14,12 @@ from jaxcrusher.crusher.machine import with_counterweight
 from jaxcrusher.mechanism.drives import ConstantSpeed
 from jaxcrusher.mechanism.eccentricity import EccentricityFormulation
 from jaxcrusher.scenes.build import build_chamber, build_linkage
-from jaxcrusher.scenes.own_laws import check_described
+from jaxcrusher.scenes.own_laws import check_description
 from jaxcrusher.scenes.parameters import (
     CHOICES,
+    LOOSE_JOINTS,
     PARAMETERS,
     PREFIXES,
-    WORN_JOINTS,
     numbers_of,
     openers,
     within_limits,
@@ -84,7 +84,7 @@ def test_nothing_has_slopes_by_a_whole_number():
 
 def test_every_number_reaches_the_scene():
     """A name that is ignored would leave the scene as it is."""
-    loose = {f"{joint}.clearance": 1e-4 for joint in WORN_JOINTS} | {"foundation.mass": 6e3}
+    loose = {f"{joint}.clearance": 1e-4 for joint in LOOSE_JOINTS} | {"foundation.mass": 6e3}
     plain = jax.tree.leaves(jc.build_scene(loose))
     for name, parameter in jc.PARAMETERS.items():
         values = {name: parameter.default + 0.01 * parameter.scale}
@@ -105,7 +105,7 @@ def test_every_number_reaches_the_scene():
 
 
 def test_every_choice_makes_another_scene():
-    loose = {f"{joint}.clearance": 1e-4 for joint in WORN_JOINTS}
+    loose = {f"{joint}.clearance": 1e-4 for joint in LOOSE_JOINTS}
     for name, choices in CHOICES.items():
         plain = loose | OPENED.get(openers(name), {})
         for choice in choices[1:]:
@@ -158,7 +158,7 @@ def test_counterweight_is_a_point_mass():
 )
 def test_refusals(values, words):
     with pytest.raises(ValueError, match=re.escape(words)):
-        check_described(values)
+        check_description(values)
 
 
 def test_a_traced_number_is_nan_outside_its_limits_alone():

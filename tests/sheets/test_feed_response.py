@@ -32,7 +32,7 @@ def response(orbit):
 @pytest.fixture(scope="module")
 def linear(orbit):
     """The modes of the orbit, and the slope of the force by (x, x', w)."""
-    about = feed_response.linearised(orbit)
+    about = feed_response.linearised_about(orbit)
     return about.modes, about.force.slope
 
 

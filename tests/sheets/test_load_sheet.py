@@ -28,7 +28,12 @@ from jaxcrusher.sheets.load_sheet import (
     sheet,
     static_loads,
 )
-from jaxcrusher.sheets.natural_modes import INSTANTS, linearised, moment_of_weights, run_up
+from jaxcrusher.sheets.natural_modes import (
+    INSTANTS,
+    mass_damping_stiffness,
+    moment_of_weights,
+    run_up,
+)
 from jaxcrusher.sheets.severity import ZONES, outside_scope, share, support_kind, zone
 from tests.identification import by_hand
 
@@ -519,7 +524,7 @@ def test_a_run_up_ends_in_the_steady_state():
     """Slow enough, block and force are steady at its end, and a run-down begins there."""
     scene = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3, "speed": 31.0})
     force = np.array([[3e3, 300.0], [-2e3j, 0], [-900.0, 100j]])
-    mass, damping, stiffness = linearised(scene)
+    mass, damping, stiffness = mass_damping_stiffness(scene)
     angles = 2 * np.pi * np.arange(INSTANTS) / INSTANTS
 
     # Weights swing sideways with what pushes there, 31 rad/s times an order: they do not fall.
@@ -569,7 +574,7 @@ def test_the_moment_of_weights_is_the_same_at_any_speed():
 def test_a_run_up_sees_high_orders():
     """Of 128 instants a turn the order 127 would look like the first, 900 times as wide."""
     scene = jc.build_scene({"joint": "ideal", "foundation.mass": 6e3, "speed": 31.0})
-    mass, damping, stiffness = linearised(scene)
+    mass, damping, stiffness = mass_damping_stiffness(scene)
     force, rate = np.zeros((3, 127), complex), 127 * 31.0
     force[0, -1] = 1e3
     dynamic = stiffness - rate**2 * mass + 1j * rate * damping

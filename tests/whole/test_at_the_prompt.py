@@ -17,7 +17,7 @@ from jaxcrusher.dynamics.coexisting_orbits import CoexistingOrbits
 from jaxcrusher.dynamics.judgement import Slope
 from jaxcrusher.dynamics.regime import Regime
 from jaxcrusher.dynamics.slopes import GradientReport
-from jaxcrusher.files.told import MOST_LINES, WIDEST, Row, Summary, Told, said
+from jaxcrusher.files.summary import MOST_LINES, WIDEST, Row, Summarised, Summary, value_text
 from jaxcrusher.joint.validity import Validity
 from jaxcrusher.motion.section import Section
 from jaxcrusher.motion.simulation import Energy, Trajectory
@@ -165,10 +165,11 @@ def test_what_jax_traces_is_said_in_a_line(orbit, statistics):
 
 
 def test_what_is_long_is_cut():
-    class Long(Told):
+    class Long(Summarised):
         def _summary(self):
             rows = [
-                Row(f"name_{i}", said(np.full(3, np.nan), "N"), "word " * 50) for i in range(99)
+                Row(f"name_{i}", value_text(np.full(3, np.nan), "N"), "word " * 50)
+                for i in range(99)
             ]
             return Summary("title " * 30 + "<&>", rows, ("remark " * 400,))
 

@@ -30,7 +30,7 @@ def found():
 
 
 def test_directions_that_cannot_be_told_are_named(found):
-    alone, together = sorted(found.untold, key=lambda one: len(one.changes))
+    alone, together = sorted(found.unidentifiable, key=lambda one: len(one.changes))
     # No force depends on the inertia, or on the shares of a product.
     assert list(alone.changes) == ["jaw.inertia"] and alone.sigmas < 1e-6
     assert set(together.changes) == {"shaft.mass", "shaft.mass_centre_radius"}
@@ -58,7 +58,9 @@ def test_a_picture_of_what_cannot_be_told_is_drawn(found, tmp_path):
 
 
 def test_the_further_measurement_that_tells_most(found):
-    best, *others = found.further(noise={"ground_moment": 5.0, "ground_force": 20.0}, orders=2)
+    best, *others = found.optimal_experiments(
+        noise={"ground_moment": 5.0, "ground_force": 20.0}, orders=2
+    )
     assert best.quantity == "ground_moment" and best.order == 1 and best.speed == 30.0
     # Its share of the weight tells the shaft's mass, and by the product its radius.
     (weight,) = others
@@ -77,16 +79,19 @@ def test_what_tells_most_can_be_measured(found):
     """Of a clamped machine: its motor, the cap of the main bearing, the force on the ground."""
     caps = ("main_cap_velocity", "main_cap_acceleration")
     sensors = {"drive_torque", "drive_power", *caps, "ground_force", "ground_moment"}
-    offered = [found.problem.quantities.observable(one.quantity) for one in found.further(orders=2)]
+    offered = [
+        found.problem.quantities.observable(one.quantity)
+        for one in found.optimal_experiments(orders=2)
+    ]
     assert sorted(offered) == sorted(sensors)
     with pytest.raises(ValueError, match="`noise` must be a known name, but is 'ground_momen'"):
-        found.further(noise={"ground_momen": 1.0})
+        found.optimal_experiments(noise={"ground_momen": 1.0})
 
 
 @pytest.mark.parametrize("noise", [-0.01, np.nan, 0.0, {"ground_moment": -5.0}])
 def test_a_further_measurement_scatters(found, noise):
     with pytest.raises(ValueError, match=r"^Argument `noise` must be finite and > 0"):
-        found.further(noise=noise)
+        found.optimal_experiments(noise=noise)
 
 
 def test_numbers_that_cannot_be_told_take_no_degree_of_freedom(found):
@@ -102,7 +107,7 @@ def test_a_prior_tells_what_the_data_do_not(found):
     assert known.standard_deviations["shaft.mass"] == pytest.approx(1.0, rel=0.01)
     assert known.freedom == 16 + 2 - 3
     # The data alone still do not.
-    assert len(known.untold) == 2
+    assert len(known.unidentifiable) == 2
 
 
 def test_a_wrong_model_is_seen(found):

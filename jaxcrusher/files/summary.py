@@ -69,7 +69,7 @@ class Summary:
         return lines if len(lines) <= most else [*lines[: most - 1], "  ..."]
 
 
-class Told(abc.ABC):
+class Summarised(abc.ABC):
     """What has a summary, which a prompt prints, and a notebook shows as a table.
 
     Where JAX traces its numbers, or has put something else in their place, it says so in a line.
@@ -103,7 +103,7 @@ class Told(abc.ABC):
             return Summary(f"{type(self).__name__}, {why}")
 
 
-def said(values: Any, unit: str, error: float = np.nan) -> str:
+def value_text(values: Any, unit: str, error: float = np.nan) -> str:
     """Return a number with its error and unit; of an array its range, its unit and its shape."""
     known = np.asarray(values)
     if known.ndim == 0:

@@ -32,7 +32,7 @@ FIRST, BOLDER = 0.2, 1.5
 SHORTEST, MOST_STEPS = 0.97, 300
 
 
-class Lowered(eqx.Module):
+class Continued(eqx.Module):
     """An orbit, how the search for it ended, and whether it used the damping."""
 
     x: Float[Array, "nodes dims"]  # NaN of a failure
@@ -47,13 +47,13 @@ class _Lowering(eqx.Module):
     damping: Scalar  # at which it is one
     share: Scalar  # of this damping that the next step leaves
     tried: Scalar  # the damping of the next step; first that of the machine, then the highest
-    last: Lowered
+    last: Continued
     done: Bool[Array, ""]
 
 
-def lowered(
+def continued_in_damping(
     scene: Scene, period: int, start: Float[Array, "nodes dims"], at_rest: Bool[Array, ""]
-) -> Lowered:
+) -> Continued:
     """Return the orbit near `start`; if a start at rest fails, by continuation in a damping.
 
     Pure JAX, and one program of Newton's method for all of it.
@@ -70,7 +70,7 @@ def lowered(
         damping = jnp.where(good, search.tried, search.damping)
         result = RESULTS.where(good & ~arrived, RESULTS.too_many_steps, root.result)
         orbit = jnp.where(arrived, x, jnp.nan)
-        last = Lowered(orbit, result, root.factors, before + root.steps, before > 0)
+        last = Continued(orbit, result, root.factors, before + root.steps, before > 0)
         given_up = ~at_rest | (share > SHORTEST) | (last.steps >= MOST_STEPS)
         # Without an orbit at the highest damping contact is lost, and nodes are of no use.
         given_up |= ~good & begins & (before > 0)
@@ -86,6 +86,6 @@ def lowered(
 
     size, zero = start.size, jnp.zeros(())
     factors = jnp.eye(size), jnp.arange(size, dtype=jnp.int32)
-    none = Lowered(start, RESULTS.too_many_steps, factors, jnp.array(0), jnp.array(False))
+    none = Continued(start, RESULTS.too_many_steps, factors, jnp.array(0), jnp.array(False))
     first = _Lowering(start, zero + jnp.inf, zero + FIRST, zero, none, jnp.array(False))
     return jax.lax.while_loop(lambda search: ~search.done, advance, first).last

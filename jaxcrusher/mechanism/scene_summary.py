@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jaxcrusher.files import svg
-from jaxcrusher.files.told import Row, Summary, said
+from jaxcrusher.files.summary import Row, Summary, value_text
 from jaxcrusher.mechanism.motion import ideal_at_rest
 from jaxcrusher.mechanism.topology import FRAME
 
@@ -22,13 +22,13 @@ def summary_of(scene: Scene) -> Summary:
     """Return drive, joints, masses and loads of a scene, and what can be asked of it."""
     linkage, gaps = scene.linkage, scene.joints
     ideal = [name for name in (*linkage.joints.names, *linkage.slides.names) if name not in gaps]
-    masses = [f"{name} {said(body.mass, 'kg')}" for name, body in linkage.bodies.items()]
+    masses = [f"{name} {value_text(body.mass, 'kg')}" for name, body in linkage.bodies.items()]
     loads = [f"{type(push).__name__} at the {push.body}" for push in scene.pushes]
     loads += [f"{len(scene.springs)} springs"] if scene.springs else []
     foundation, count = scene.foundation, len(gaps)
-    rows = [Row("drive", said(scene.drive.speed, "rad/s"), type(scene.drive).__name__)]
+    rows = [Row("drive", value_text(scene.drive.speed, "rad/s"), type(scene.drive).__name__)]
     for name, gap in gaps.items():
-        rows.append(Row(name, f"clearance {said(gap.clearance, 'm')}", type(gap).__name__))
+        rows.append(Row(name, f"clearance {value_text(gap.clearance, 'm')}", type(gap).__name__))
     rows += [
         Row("ideal joints", ", ".join(ideal) or "none"),
         Row("masses", ", ".join(masses)),
