@@ -88,7 +88,7 @@ def bifurcation_curve(
 
     down, before = way(False)
     require(bool(before), "event", "lie on a curve over both parameters", "on none")
-    backwards = [replace(point, along=-point.tangent) for point in down.points[::-1]]
+    backwards = [replace(point, tangent=-point.tangent) for point in down.points[::-1]]
     joined, orbits, ended = replace(down, points=backwards), before[::-1], down.ended
     if ended != LOOP:  # a closed curve is the same one the other way
         up, after = way(True)

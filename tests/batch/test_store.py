@@ -237,7 +237,7 @@ def test_memory_holds_what_the_store_holds(tmp_path):
 
 
 def test_values_of_a_design_have_as_many_entries_as_their_dims():
-    layout = replace(LAYOUT, further={"turn": 3, "joint": np.array(["main", "elbow"])})
+    layout = replace(LAYOUT, labels_of_dims={"turn": 3, "joint": np.array(["main", "elbow"])})
     column = Column("1", "a number of each turn and joint", dims=("turn", "joint"))
     assert layout.inner(column) == (3, 2) and layout.inner(Column("1", "a scalar")) == ()
     assert [*layout.coordinates()["joint"][1]] == ["main", "elbow"]

@@ -112,7 +112,7 @@ def test_what_a_motion_swings_about():
 class Orbit:
     """As much of one as the bookkeeping asks for."""
 
-    scene = SimpleNamespace(leading="foundation_rms")
+    scene = SimpleNamespace(headline="foundation_rms")
 
     def __getitem__(self, name):
         return getattr(self, name)
