@@ -571,8 +571,9 @@ def test_options_of_a_command_are_its_own(line, words):
         parse(__main__.run, line.split())
     told = str(error.value)
     assert told.endswith(f" {line.split()[0]} --help tells all.") and "\n" not in told
-    # No option of another command.
+    # No option of another command, and nothing that the help tells.
     assert "--seed" not in told.partition(". ")[2]
+    assert not re.search("Got errors|applied|Argument helptext|For full", told)
 
 
 def test_word_that_is_no_command():
