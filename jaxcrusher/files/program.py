@@ -24,6 +24,11 @@ from jaxcrusher.files.results import tell
 from jaxcrusher.files.resume import SETTINGS
 
 # What tyro adds of other commands and of what `--help` tells.
+# A text that is no value of the option's type.
+_WRONG = (
+    r"Error parsing (\S+): (?:no type matching (?:{None}\|)?{?(.+?)}? could .*? from \[(.*?)\]"
+    r"|invalid literal for int\(\) with base 10: (.*))"
+)
 _HELPS = ("Perhaps you meant", "Arguments similar to", "Argument helptext", "For full helptext")
 _ASIDE = r"\(applied to .*?\)|(Got errors:|Arguments are applied).*"
 EXTRA = "the extra `bench` has all: pip install 'jaxcrusher[bench]'."
@@ -111,6 +116,7 @@ def _in_one_line(message: str, usage: str) -> str:
     parts = re.split(r"^[─-]+$", "\n".join(lines), flags=re.MULTILINE)
     plain = [" ".join(re.sub(_ASIDE, "", part, flags=re.DOTALL).split()) for part in parts]
     told = [part.rstrip(".") for part in plain if part and not part.startswith(_HELPS)]
+    told[0] = re.sub(_WRONG, lambda wrong: _must_be(*wrong.groups()), told[0])
     unknown = re.match(r"Unrecognized.*?: ([\w-]+)", told[0])
     # Options, and commands in braces.
     known = {*re.findall(r"--[a-z][\w-]*|(?<=[{,])\w+(?=[,}])", usage)}
@@ -118,6 +124,10 @@ def _in_one_line(message: str, usage: str) -> str:
     is_it = f" Is it {' or '.join(near)}?" if near else ""
     name = " ".join(usage.partition("[-h]")[0].split()[1:])
     return f"{'. '.join(told)}.{is_it} {name} --help tells all."
+
+
+def _must_be(option: str, types: str | None, given: str | None, no_integer: str | None) -> str:
+    return f"{option} must be {types or 'INT'}, but is {given or no_integer or 'nothing'}"
 
 
 @contextlib.contextmanager
