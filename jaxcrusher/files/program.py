@@ -23,6 +23,14 @@ from jaxcrusher.files.provenance import program_words
 from jaxcrusher.files.results import tell
 from jaxcrusher.files.resume import SETTINGS
 
+# What tyro adds of other commands and of what `--help` tells.
+# A text that is no value of the option's type.
+_WRONG = (
+    r"Error parsing (\S+): (?:no type matching (?:{None}\|)?{?(.+?)}? could .*? from \[(.*?)\]"
+    r"|invalid literal for int\(\) with base 10: (.*))"
+)
+_HELPS = ("Perhaps you meant", "Arguments similar to", "Argument helptext", "For full helptext")
+_ASIDE = r"\(applied to .*?\)|(Got errors:|Arguments are applied).*"
 EXTRA = "the extra `bench` has all: pip install 'jaxcrusher[bench]'."
 
 
@@ -86,61 +94,40 @@ def parse(
             config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
         )
 
-    def told(words: Sequence[str]) -> str:
-        said = io.StringIO()
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(io.StringIO()):
-            with contextlib.suppress(SystemExit):
-                read([*words, "--help"])
-        return said.getvalue()
-
-    said = io.StringIO()
+    said, usage = io.StringIO(), io.StringIO()
     try:
         with contextlib.redirect_stderr(said):
             return read(words)
     except SystemExit as stop:
         if stop.code == 0:
             raise
-        raise ValueError(_in_one_line(said.getvalue(), words, name, told)) from None
+    with contextlib.redirect_stdout(usage), contextlib.suppress(SystemExit):
+        read([*(word for word in words[:1] if not word.startswith("-")), "--help"])
+    raise ValueError(_in_one_line(said.getvalue(), usage.getvalue()))
 
 
-def _in_one_line(
-    message: str, words: list[str], name: str, told: Callable[[Sequence[str]], str]
-) -> str:
-    """Return tyro's message in one line, and known words that resemble unknown ones.
+def _in_one_line(message: str, usage: str) -> str:
+    """Return tyro's message in one line, and known words that resemble its first unknown one.
 
-    `told` is the help after some words of the program `name`.
+    `usage` is the help of the program, or of its command.
     """
-    commands = re.search(r"\{(\w+(?:,\w+)+)\}", told([]).split("\n\n")[0])
-    offered = commands[1].split(",") if commands else []
-    if offered and (not words or words[0] not in offered):
-        given = words[0] if words else "none"
-        near = _like(given, offered)
-        return f"The first word must be a command, but is {given}.{near} {name} --help tells all."
-    line = [name, *(words[:1] if offered else [])]
     lines = [line.strip("│ ") for line in message.splitlines()[1:-1]]
     # A terminal without such signs has a line of hyphens, also below the title.
     parts = re.split(r"^[─-]+$", "\n".join(lines), flags=re.MULTILINE)
-    wrong = next(" ".join(part.split()) for part in parts if part.strip())
-    near = ""
-    if wrong.startswith("Unrecognized"):
-        known = re.findall(r"^[│ ]*(--[a-z][\w-]*)", told(line[1:]), re.MULTILINE)
-        unknown = [word for word in words if word.startswith("--") and word not in known]
-        if unknown:
-            wrong, near = f"There is no {unknown[0]}", _like(unknown[0], [*dict.fromkeys(known)])
-        else:
-            wrong = f"What is meant by {wrong.partition(':')[2].strip()}?"
-    elif found := re.match(
-        r"Error parsing (\S+): no type matching (?:{None}\|)?{?(.+?)}? could .*? from \[(.*?)\]",
-        wrong,
-    ):
-        wrong = f"{found[1]} must be {found[2]}, but is {found[3] or 'nothing'}"
-    end = "" if wrong[-1] in ".?" else "."
-    return f"{wrong}{end}{near} {' '.join(line)} --help tells all."
+    plain = [" ".join(re.sub(_ASIDE, "", part, flags=re.DOTALL).split()) for part in parts]
+    told = [part.rstrip(".") for part in plain if part and not part.startswith(_HELPS)]
+    told[0] = re.sub(_WRONG, lambda wrong: _must_be(*wrong.groups()), told[0])
+    unknown = re.match(r"Unrecognized.*?: ([\w-]+)", told[0])
+    # Options, and commands in braces.
+    known = {*re.findall(r"--[a-z][\w-]*|(?<=[{,])\w+(?=[,}])", usage)}
+    near = get_close_matches(unknown[1], known, n=2) if unknown else []
+    is_it = f" Is it {' or '.join(near)}?" if near else ""
+    name = " ".join(usage.partition("[-h]")[0].split()[1:])
+    return f"{'. '.join(told)}.{is_it} {name} --help tells all."
 
 
-def _like(word: str, offered: Sequence[str]) -> str:
-    near = get_close_matches(word, offered, n=2)
-    return f" Is it {' or '.join(near)}?" if near else f" There are {', '.join(offered)}."
+def _must_be(option: str, types: str | None, given: str | None, no_integer: str | None) -> str:
+    return f"{option} must be {types or 'INT'}, but is {given or no_integer or 'nothing'}"
 
 
 @contextlib.contextmanager

@@ -550,14 +550,20 @@ def test_mistakes_are_named_before_anything_is_computed(line, words, tmp_path):
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("simulate --sed 3", "There is no --sed. Is it --set or --seconds?"),
-        ("regimes --seetle 3", "There is no --seetle. Is it --settle or --set?"),
-        ("gradient --xyzzy 3", "There is no --xyzzy. There are --by, --settle"),
-        ("simulate x", "What is meant by x?"),
-        ("simulate --samples x", "'x'"),
+        ("simulate --sed 3", "Unrecognized options: --sed, 3. Is it --set or --seconds? "),
+        ("regimes --seetle 3", "Unrecognized options: --seetle, 3. Is it --settle or --set? "),
+        ("gradient --xyzzy 3", "Unrecognized options: --xyzzy, 3. "),
+        ("simulate --seed 3", "options: --seed 3. Is it --scene or --set? "),
+        ("simulate x", "Unrecognized options: x. "),
+        ("simulate --samples x", "--samples must be INT, but is 'x'. "),
         ("simulate --turns x", "--turns must be FLOAT, but is 'x'. "),
         ("foundation --speeds", "--speeds must be STR STR, but is nothing. "),
         ("foundation --speeds 100", "--speeds must be STR STR, but is '100'. "),
+        ("simulate --set speed", "Expected 2 values. "),
+        (
+            "sweep --engine abacus",
+            "invalid choice 'abacus' for argument '--engine'. Expected one of",
+        ),
     ],
 )
 def test_options_of_a_command_are_its_own(line, words):
@@ -565,13 +571,18 @@ def test_options_of_a_command_are_its_own(line, words):
         parse(__main__.run, line.split())
     told = str(error.value)
     assert told.endswith(f" {line.split()[0]} --help tells all.") and "\n" not in told
-    # No option of another command.
-    assert "--seed" not in told or line.startswith("gradient")
+    # No option of another command, and nothing that the help tells.
+    assert "--seed" not in told.partition(". ")[2]
+    assert not re.search("Got errors|applied|Argument helptext|For full", told)
 
 
 def test_word_that_is_no_command():
-    with pytest.raises(ValueError, match=r"must be a command, but is simulat\. Is it simulate\?"):
+    with pytest.raises(ValueError, match=r"simulat\. .*: simulate, sweep, .* Is it simulate\? "):
         parse(__main__.run, ["simulat"])
+    with pytest.raises(
+        ValueError, match=r"Expected one of \{simulate, sweep, .* --help tells all\."
+    ):
+        parse(__main__.run, [])
 
 
 @pytest.mark.slow
