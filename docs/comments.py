@@ -1,6 +1,7 @@
 """A Griffe extension: comments beside fields and above constants are their documentation.
 
-The code writes units and the equations' symbols there. The fields of a class become one table.
+The code writes units and the equations' symbols there. The fields of a class become one table. An
+override without a docstring has that of what it overrides.
 """
 
 from pathlib import Path
@@ -39,6 +40,13 @@ class Comments(griffe.Extension):
         for field in fields:
             # A field that stands in a stub is no member of the class itself.
             cls.members.pop(field.name, None)
+
+    def on_class(self, *, cls: griffe.Class, **_) -> None:
+        """Give overrides the docstrings that they inherit."""
+        for name, member in cls.members.items():
+            above = (base.members.get(name) for base in cls.mro())
+            if not member.is_alias and member.docstring is None:
+                member.docstring = next((one.docstring for one in above if one is not None), None)
 
 
 def _comment(attr: griffe.Attribute) -> str:

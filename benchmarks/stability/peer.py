@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from typing_extensions import override
 
 from benchmarks.peers import free_bodies_numba, numba_peer, sundials_peer
 from benchmarks.peers.crusher_bodies import PREFIXES, crusher
@@ -60,10 +61,11 @@ class BearingPeer(AbstractPeer):
     crusher: Crusher
 
     @property
+    @override
     def clearances(self) -> tuple[float, ...]:
-        """The clearance of A, m."""
         return (self.crusher.clearance,)
 
+    @override
     def history(self, pins: Pins, times: np.ndarray) -> dict[str, np.ndarray]:
         """Integrate by CVODE in angles."""
         motion = Motion(self.crusher, e=pins.e[0], rate=pins.rates[0])
@@ -74,6 +76,7 @@ class BearingPeer(AbstractPeer):
             "contacts": changes(found["normal_force"]),
         }
 
+    @override
     def mean_square(self, pins: Pins, settle: int, turns: int, most: int) -> tuple[float, int]:
         """Integrate by `numba_peer`, smoothed as ours."""
         relative, rate = pins.e[0] / self.crusher.clearance, pins.rates[0]
@@ -94,8 +97,8 @@ class SeatsPeer(AbstractPeer):
         return crusher(dict(self.numbers)).loose
 
     @property
+    @override
     def clearances(self) -> tuple[float, ...]:
-        """The clearances of the loose joints, m."""
         of = dict(self.numbers)
         return tuple(float(of[PREFIXES[joint] + "clearance"]) for joint in self.loose)
 
@@ -103,6 +106,7 @@ class SeatsPeer(AbstractPeer):
         e, rates = (dict(zip(self.loose, at, strict=True)) for at in (pins.e, pins.rates))
         return CompiledBodies(crusher(dict(self.numbers), e, rates))
 
+    @override
     def history(self, pins: Pins, times: np.ndarray) -> dict[str, np.ndarray]:
         """Integrate by CVODE in eccentricities."""
         motion = self._compiled(pins)
@@ -111,6 +115,7 @@ class SeatsPeer(AbstractPeer):
         kept = {name.replace(".", "_"): values for name, values in found.items()}
         return kept | {"contacts": np.sum([changes(force) for force in forces], axis=0)}
 
+    @override
     def mean_square(self, pins: Pins, settle: int, turns: int, most: int) -> tuple[float, int]:
         """Integrate the same field, not smoothed."""
         motion = self._compiled(pins)

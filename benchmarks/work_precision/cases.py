@@ -6,6 +6,7 @@ from functools import cache
 import equinox as eqx
 import jax
 import numpy as np
+from typing_extensions import override
 
 import jaxcrusher as jc
 from benchmarks.peers import motion, scipy_peer, sundials_peer
@@ -82,15 +83,17 @@ class Squared(Motion):
         super().__init__(crusher, e=e, rate=rate)
         self.start = np.append(self.start, 0.0)
 
+    @override
     def field(self, time: float, y) -> list[float]:
-        """Return the rate y'."""
         (force,) = self.observe([time], [y])["foundation_force"]
         return [*super().field(time, y[:4]), (force / FORCE) ** 2]
 
+    @override
     def corners(self, time: float, y) -> list[float]:
         """Do as `Motion`, without the last number."""
         return super().corners(time, y[:4])
 
+    @override
     def observe(self, times, states) -> dict[str, np.ndarray]:
         """Do as `Motion`, without the last number."""
         return super().observe(times, [y[:4] for y in states])

@@ -13,6 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree, Scalar
+from typing_extensions import override
 
 
 class Instant(NamedTuple):
@@ -72,18 +73,18 @@ class FollowingSolver(diffrax.AbstractWrappedSolver):
     following: Following
 
     @property
+    @override
     def term_structure(self):
-        """Return the term structure of the solver."""
         return self.solver.term_structure
 
     @property
+    @override
     def interpolation_cls(self):  # pyright: ignore
-        """Return the interpolation class of the solver."""
         return self.solver.interpolation_cls
 
     @property
+    @override
     def term_compatible_contr_kwargs(self):
-        """Return these arguments of the solver."""
         return self.solver.term_compatible_contr_kwargs
 
     @property
@@ -91,26 +92,27 @@ class FollowingSolver(diffrax.AbstractWrappedSolver):
         """Return the loop kind of the solver, which `diffrax.ForwardMode` replaces."""
         return self.solver.scan_kind  # pyright: ignore
 
+    @override
     def order(self, terms):
-        """Return the order of the solver."""
         return self.solver.order(terms)
 
+    @override
     def strong_order(self, terms):
-        """Return the strong order of the solver."""
         return self.solver.strong_order(terms)
 
+    @override
     def error_order(self, terms):
-        """Return the error order of the solver."""
         return self.solver.error_order(terms)
 
+    @override
     def init(self, terms, t0, t1, y0, args):
-        """Return what the solver keeps."""
         return self.solver.init(terms, t0, t1, y0.state, args)
 
+    @override
     def func(self, terms, t0, y0, args):
-        """Return the rates of the state."""
         return self.solver.func(terms, t0, y0.state, args)
 
+    @override
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
         """Take a step, and update the followed numbers."""
         state, error, dense, solver_state, result = self.solver.step(

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import concrete
 
@@ -13,6 +14,7 @@ from jaxcrusher.basics.checks import concrete
 class Printed(eqx.Module):
     """An Equinox module that prints its numbers, with ten digits, and the shapes of its arrays."""
 
+    @override
     def __repr__(self) -> str:
         """Return it as Equinox does, which prints the type of each number."""
         return eqx.tree_pformat(jax.tree.map(_shown, self, is_leaf=_prints_itself))

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.files.summary import Row, Summarised, Summary, value_text
@@ -61,6 +62,7 @@ class CrushingChamber(Summarised, eqx.Module):
         """The speed at which the layer is as high as the chamber, rad/s: 8.98, not 25."""
         return jnp.pi * jnp.sqrt(self.gravity / (2 * self.height))
 
+    @override
     def _summary(self) -> Summary:
         slowest = self.lowest_speed()
         most = f"{value_text(self.capacity(slowest), 'm3/h')} at {value_text(slowest, 'rad/s')}"

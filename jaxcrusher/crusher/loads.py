@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.checks import nan_unless, primal, require
@@ -99,12 +100,12 @@ class AbstractLoad(AbstractPush):
         """Return the force (N) on the jaw in this motion, and where it acts."""
 
     @property
+    @override
     def body(self) -> str:
-        """Return the name of the body that is pushed."""
         return "jaw"
 
+    @override
     def action(self, motion: Motion) -> tuple[Point, Vector]:
-        """Return the point of the jaw at which the load acts, and its force, N."""
         jaw = JawMotion(motion)
         load = self.force(jaw)
         return jaw.point(load.along), load.force
@@ -130,16 +131,16 @@ class AbstractConstantLoad(AbstractLoad):
 class AlongJaw(AbstractConstantLoad):
     """Constant, along the jaw towards B: (18) of the paper, taken literally."""
 
+    @override
     def force(self, jaw: JawMotion) -> JawForce:
-        """-F (B-A axis)."""
         return JawForce(self.magnitude * along_jaw(jaw), self.along)
 
 
 class NormalToJaw(AbstractConstantLoad):
     """Constant, normal to the jaw's face, away from the fixed jaw."""
 
+    @override
     def force(self, jaw: JawMotion) -> JawForce:
-        """F times the axis turned by 90 degrees."""
         return JawForce(self.magnitude * normal_to_jaw(jaw), self.along)
 
 
@@ -151,8 +152,8 @@ class ClosingStroke(AbstractConstantLoad):
 
     width: Scalar = eqx.field(converter=scalar, default=0.01)  # m/s
 
+    @override
     def force(self, jaw: JawMotion) -> JawForce:
-        """F times the axis turned by 90 degrees, or nothing."""
         closing = smooth.step(-jaw.velocity(self.along).dot(jaw.away), self.width)
         return JawForce(self.magnitude * closing * jaw.away, self.along)
 
@@ -168,8 +169,8 @@ class HalfSineStroke(AbstractConstantLoad):
     span: Scalar = eqx.field(converter=scalar, default=jnp.pi)
     edge: Scalar = eqx.field(converter=scalar, default=0.2)
 
+    @override
     def force(self, jaw: JawMotion) -> JawForce:
-        """F times the axis turned by 90 degrees, times the edges."""
         crank, middle = jaw.motion.axis("shaft"), direction(self.middle)
         away = jnp.abs(jnp.arctan2(middle.cross(crank), middle.dot(crank)))
         inside = jnp.clip((self.span / 2 - away) / self.edge, 0.0, 1.0)
@@ -215,8 +216,8 @@ class ByAngle(AbstractLoad):
     factor: Scalar = eqx.field(converter=scalar, default=1.0)
     along: Scalar | None = eqx.field(converter=optional_scalar, default=None)  # m; None: at S2
 
+    @override
     def force(self, jaw: JawMotion) -> JawForce:
-        """The curve at the shaft's angle, along the direction."""
         size = self.factor * self.curve(jaw.angle)
         return JawForce(size * self.direction(jaw), self.along)
 
@@ -242,8 +243,8 @@ class CrushingBed(AbstractLoad):
     exponent: Scalar = eqx.field(converter=scalar)  # n
     closing: Scalar = eqx.field(converter=scalar, default=0.01)  # smooths the switch, m/s
 
+    @override
     def force(self, jaw: JawMotion) -> JawForce:
-        """The resultant of the depths, and its place."""
         compression = _reach(jaw, self.along, self.towards) - self.open
         speed = _speed(jaw, self.along, self.towards)
         pressure = smooth.positive_power(compression / self.widths, _CORNER, self.exponent)

@@ -14,6 +14,7 @@ import jax
 import numpy as np
 import xarray as xr
 from jaxtyping import Float, Int
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import require, require_positive, require_untraced, require_whole
 from jaxcrusher.basics.setup import require_set_up
@@ -84,16 +85,18 @@ class CoexistingOrbits(Summarised):
         means = [(share * n + 1) / (n + 2) for share in self.shares]
         return tuple(float(np.sqrt(mean * (1 - mean) / (n + 3))) for mean in means)
 
+    @override
     def _summary(self) -> Summary:
         count = f"{len(self.orbits)} stable orbits, {len(self.labels)} starts"
         return Summary(f"CoexistingOrbits: {count}", (), str(self).splitlines())
 
+    @override
     def _picture(self) -> str:
         paths = [orbit.eccentricity for orbit in self.orbits if orbit.eccentricity is not None]
         return svg.pins_in_bores([path[:, :2] for path in paths]) if paths else ""
 
+    @override
     def __str__(self) -> str:
-        """Return a line for each orbit."""
         lines = [
             f"{share:.0%} ± {error:.0%} period {orbit.period}: "
             f"RMS {float(orbit[orbit.scene.headline]):.2f} N, "

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import ArrayLike, Complex
 from scipy.special import stdtrit
+from typing_extensions import override
 
 from jaxcrusher.files.text import digits_apart, number, with_error
 
@@ -139,6 +140,7 @@ class _Estimate:
     error: float
     freedom: float
 
+    @override
     def __str__(self) -> str:
         return with_error(self.value, self.error) if self.error else number(self.value)
 

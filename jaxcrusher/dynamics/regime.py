@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import require, require_untraced, require_whole
 from jaxcrusher.basics.integrate import Outcome
@@ -57,6 +58,7 @@ class Regime(Summarised):
     def _verdict(self) -> str:
         return f"period {self.period}" if self.period else self.name
 
+    @override
     def _summary(self) -> Summary:
         title = "Regime FAILED" if self.name == "failed" else f"Regime: {self._verdict}"
         found = self.exponents
@@ -65,8 +67,8 @@ class Regime(Summarised):
         rows = [Row(f"exponent {i}", text) for i, text in enumerate(exponents[:4], 1)]
         return Summary(title, rows, self.evidence)
 
+    @override
     def __str__(self) -> str:
-        """One line."""
         return f"{self._verdict}: {'; '.join(self.evidence)}"
 
 

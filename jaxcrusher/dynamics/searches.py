@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, PyTree
+from typing_extensions import override
 
 from jaxcrusher.basics.devices import devices
 from jaxcrusher.batch.engines import Engine, run_all
@@ -46,13 +47,13 @@ class Gathered(Lone):
     def __init__(self) -> None:
         self.events: SimpleQueue[_Asked | None] = SimpleQueue()  # None: a search has ended
 
+    @override
     def piece(self, case: SceneAt, most: int | None) -> NextTurns:
-        """Return the next `PIECE` turns from a section point, in `most` steps each."""
         turns = self._asked((PIECE, TRANSIENT_RTOL, most), [case])
         return jax.tree.map(lambda leaf: leaf[0], turns)
 
+    @override
     def turn(self, states: Float[np.ndarray, "n dims"], scene: Scene) -> Ends:
-        """Return where one turn leads from each of some section points, at `FINE`."""
         ends, _, outcome = self._asked((1, FINE, None), [(state, scene) for state in states])
         return ends[:, 0], int(np.sum(outcome.steps))
 

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import (
     require,
@@ -79,6 +80,7 @@ class GradientReport(Summarised):
         """Every slope is ok."""
         return all(slope.verdict == "ok" for slope in self.slopes.values())
 
+    @override
     def _summary(self) -> Summary:
         good = "every slope is ok" if self.usable else "NOT every slope is ok"
         rows, reasons = [], []
@@ -90,6 +92,7 @@ class GradientReport(Summarised):
             f"GradientReport of {self.metric}: {good}", rows, (str(self.regime), *reasons)
         )
 
+    @override
     def __str__(self) -> str:
         """The motion, and two lines a parameter: the slope, and how the estimates agree."""
         growth = f"exponent x horizon {with_error(*self.growth)}"

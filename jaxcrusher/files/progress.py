@@ -16,6 +16,7 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from typing_extensions import override
 
 # Seconds between two lines on work that goes on, where bars cannot move.
 EVERY = 10.0
@@ -28,15 +29,15 @@ class Bars(Progress):
     of it is done.
     """
 
+    @override
     def start(self) -> None:
-        """Begin to show what is done."""
         super().start()
         if self.disable:
             self._stopped = threading.Event()
             threading.Thread(target=self._tell, daemon=True).start()
 
+    @override
     def stop(self) -> None:
-        """Show no more of what is done."""
         super().stop()
         if self.disable:
             self._stopped.set()
@@ -49,6 +50,7 @@ class Bars(Progress):
                     line = f"{task.description}: {done}, after {task.elapsed or 0:.0f} s"
                     self.console.print(line, highlight=False, markup=False)
 
+    @override
     def add_task(self, description: str, *args: Any, **settings: Any) -> TaskID:
         """Add a bar, with the settings of `rich.progress.Progress`."""
         if self.disable:
@@ -57,6 +59,7 @@ class Bars(Progress):
             self.console.print(line, highlight=False, markup=False)
         return super().add_task(description, *args, **settings)
 
+    @override
     def update(self, task_id: TaskID, **settings: Any) -> None:
         """Change a bar, as `rich.progress.Progress` does; say once that its work is done."""
         task = self._tasks[task_id]
@@ -86,6 +89,7 @@ def stages(console: Console, words: str) -> Iterator[None]:
     still = not (console.is_terminal or console.is_jupyter)
 
     class Shown(logging.Handler):
+        @override
         def emit(self, record: logging.LogRecord) -> None:
             if still:
                 console.print(record.getMessage(), highlight=False, markup=False)

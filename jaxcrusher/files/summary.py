@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from typing_extensions import override
 
 from jaxcrusher.files.text import measured, number, prefixed
 
@@ -83,6 +84,7 @@ class Summarised(abc.ABC):
         """Return a small picture as SVG, or nothing."""
         return ""
 
+    @override
     def __repr__(self) -> str:
         return self._known_summary().text()
 

@@ -12,6 +12,7 @@ from jaxtyping import Float
 from scipy.linalg import qr
 from scipy.optimize import least_squares
 from scipy.stats import chi2, qmc
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import (
     require,
@@ -268,10 +269,11 @@ class Identified(Summarised):
             )
         return [*lines, *self.remarks]
 
+    @override
     def __str__(self) -> str:
-        """The answer in lines."""
         return "\n".join(self.lines())
 
+    @override
     def _summary(self) -> Summary:
         lines, count = self.lines(), len(self.values)
         rows = [Row(*line.split(": ", 1)) for line in lines[:count]]
@@ -279,6 +281,7 @@ class Identified(Summarised):
         title = f"Identified: {count} numbers from {len(self.measured)} measurements{fits}"
         return Summary(title, rows, lines[count:])
 
+    @override
     def _picture(self) -> str:
         rows = np.arange(1, len(self.residuals) + 1)
         return svg.curve(rows, self.residuals, "residuals, in sigmas, one after the other")

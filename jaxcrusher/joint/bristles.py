@@ -21,6 +21,7 @@ enough that s1 v_d <= 9.3 mu_k. The state is y, which is of the size of a coeffi
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.plane import scalar
 from jaxcrusher.joint.friction import AbstractFriction, AbstractSlip
@@ -47,10 +48,11 @@ class LuGre(AbstractFriction):
     # In flight nothing bends the bristles; the time after which 1/e is left.
     release: Scalar = eqx.field(converter=scalar, default=1e-4, metadata={"unit": "s"})
 
+    @override
     def initial(self) -> Scalar:
-        """No deflection."""
         return jnp.zeros(())
 
+    @override
     def force(
         self, normal_force: Scalar, slip_speed: Scalar, memory: Scalar | None = None
     ) -> Scalar:
@@ -60,8 +62,8 @@ class LuGre(AbstractFriction):
         damped = self.bristle_damping * damping * self._bending(bent, slip_speed)
         return -normal_force * (bent + damped + self.viscous * slip_speed)
 
+    @override
     def rate(self, memory: Scalar, in_contact: Scalar, slip_speed: Scalar) -> Scalar:
-        """How y changes, per second."""
         bending = self.bristle_stiffness * self._bending(memory, slip_speed)
         return in_contact * bending - (1 - in_contact) * memory / self.release
 

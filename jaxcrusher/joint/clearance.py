@@ -10,6 +10,7 @@ import dataclasses
 import equinox as eqx
 import jax
 from jaxtyping import PyTree, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import Vector, plus, scalar
@@ -134,11 +135,8 @@ class AbstractBearing(AbstractGap):
         Spins in rad/s, counterclockwise; `memory` is what the bearing remembers.
         """
 
+    @override
     def resting(self, force: Vector, mean_spin: Scalar) -> Vector:
-        """The e (m) at which a pin that hardly moves carries a force (N) on the bearing.
-
-        `mean_spin` is the mean of both spins, rad/s.
-        """
         size = smooth.norm(force, 0.0)
         return (self.clearance + self.normal.penetration_under(size)) * (force / size)
 
@@ -159,6 +157,7 @@ class ClearanceJoint(AbstractBearing):
     norm_width: Scalar = eqx.field(converter=scalar, default=1e-9)
     film: Film | None = None
 
+    @override
     def contact(
         self,
         eccentricity: Vector,
@@ -167,7 +166,6 @@ class ClearanceJoint(AbstractBearing):
         journal_spin: Scalar | float,
         memory: Memory | None,
     ) -> Contact:
-        """The contact of pin and bore; see `AbstractBearing.contact`."""
         touch = self._dry(eccentricity, rate, bearing_spin, journal_spin, memory)
         if self.film is None:
             return touch
@@ -181,8 +179,8 @@ class ClearanceJoint(AbstractBearing):
             journal_moment=plus(touch.journal_moment, film.journal_moment),
         )
 
+    @override
     def resting(self, force: Vector, mean_spin: Scalar) -> Vector:
-        """Where a pin rests: in the film, or in the bore."""
         if self.film is None:
             return super().resting(force, mean_spin)
         return self.film.resting(force, mean_spin, self.bore_radius, self.clearance)
@@ -231,6 +229,7 @@ class ClearanceJoint(AbstractBearing):
             journal_moment=-journal_arm * friction_force,
         )
 
+    @override
     def half_width_ratio(self, penetration: Scalar) -> Scalar:
         """Hertz's half-width over the radius of the bore."""
         radius = self.bore_radius * (self.bore_radius - self.clearance) / self.clearance

@@ -17,6 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import scalar
@@ -55,31 +56,33 @@ class AbstractCylinders(AbstractHysteresis):
     def work(self, depth: Scalar) -> Scalar:
         """Return the integral of x from 0 to a penetration >= 0, m2."""
 
+    @override
     def damping_factor(self) -> Scalar:
-        """3 (1 - e^2) / 4."""
         return 3 * (1 - self.restitution**2) / 4
 
     def _per_load(self) -> Scalar:
         return np.pi * self.modulus * self.length
 
+    @override
     def elastic_force(self, penetration: Scalar) -> Scalar:
         """Return the slope of the elastic energy, N."""
         deep = smooth.positive_part(penetration, self.width)
         corner = jnp.clip((penetration + self.width) / (2 * self.width), 0, 1)
         return self._per_load() * self.load(deep) * corner
 
+    @override
     def elastic_energy(self, penetration: Scalar) -> Scalar:
-        """The work of the elastic part, J."""
         return self._per_load() * self.work(smooth.positive_part(penetration, self.width))
 
+    @override
     def penetration_under(self, force: Scalar) -> Scalar:
-        """The penetration (m) at which the elastic part is `force` (N, > 0) at rest."""
         return self.depth(force / self._per_load())
 
     @abc.abstractmethod
     def depth(self, x: Scalar) -> Scalar:
         """Return the penetration (m) under a load x (m, > 0)."""
 
+    @override
     def half_width(self, penetration: Scalar, radius: Scalar) -> Scalar:
         """Hertz's half-width of a line contact, sqrt(4 x R), m."""
         return jnp.sqrt(4 * radius * self.load(jnp.maximum(penetration, 0)))
@@ -95,15 +98,15 @@ class AbstractLogarithmic(AbstractCylinders):
         x = 4 * self.clearance * np.exp(-_LAST)
         return x, x * (_LAST + self.constant), _LAST + self.constant - 1
 
+    @override
     def depth(self, x: Scalar) -> Scalar:
-        """Return the penetration (m) under a load x (m, > 0)."""
         last, deepest, slope = self._last()
         within = jnp.minimum(x, last)
         depth_within = within * (jnp.log(4 * self.clearance / within) + self.constant)
         return jnp.where(x < last, depth_within, deepest + (x - last) * slope)
 
+    @override
     def load(self, depth: Scalar) -> Scalar:
-        """Return x, m, of a penetration >= 0."""
         last, deepest, slope = self._last()
         within = jnp.clip(depth, _LEAST, deepest)
         x = within / (jnp.log(4 * self.clearance / within) + self.constant)
@@ -113,8 +116,8 @@ class AbstractLogarithmic(AbstractCylinders):
         shallow = x * jnp.minimum(depth / _LEAST, 1)
         return jnp.where(depth < deepest, shallow, last + (depth - deepest) / slope)
 
+    @override
     def work(self, depth: Scalar) -> Scalar:
-        """Return the integral of x from 0 to a penetration >= 0, m2."""
         last, deepest, slope = self._last()
 
         def within(x: Scalar) -> Scalar:
@@ -140,19 +143,19 @@ class Esdu(AbstractLogarithmic):
 class Liu(AbstractCylinders):
     """x = (delta / 2) sqrt(delta / (2 (c + delta))): Liu, Zhang and Yang 2007."""
 
+    @override
     def load(self, depth: Scalar) -> Scalar:
-        """Return x, m, of a penetration >= 0."""
         return self._power(depth, 1.5) / jnp.sqrt(8 * (self.clearance + depth))
 
+    @override
     def work(self, depth: Scalar) -> Scalar:
-        """Return the integral of x from 0 to a penetration >= 0, m2."""
         c = self.clearance
         root = self._power(depth, 0.5)
         algebraic = root * jnp.sqrt(c + depth) * (depth / 2 - 3 * c / 4)
         return (algebraic + 3 * c**2 / 4 * jnp.arcsinh(root / jnp.sqrt(c))) / np.sqrt(8)
 
+    @override
     def depth(self, x: Scalar) -> Scalar:
-        """Return the penetration (m) under a load x (m, > 0)."""
         return inverse(self.load, x, 2 * x)
 
     def _power(self, depth: Scalar, exponent: float) -> Scalar:

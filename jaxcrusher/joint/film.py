@@ -58,6 +58,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import Vector, direction, scalar
@@ -167,6 +168,7 @@ def _share_of(v: Scalar) -> Scalar:
 class FiniteFilm(Film):
     """A film of any width, by the fit of Childs, Moes and van Leeuwen (1977)."""
 
+    @override
     def resistance(
         self,
         eccentricity: Vector,
@@ -175,7 +177,6 @@ class FiniteFilm(Film):
         bore_radius: Scalar | float,
         clearance: Scalar | float,
     ) -> Vector:
-        """Return the force as `Film.resistance` does."""
         slenderness = (self.width / (2 * bore_radius)) ** 2
         along = share / smooth.norm(eccentricity, 1e-15) * eccentricity
         speed = smooth.norm(seen, _LEAST_SPEED)

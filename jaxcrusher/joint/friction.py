@@ -1,7 +1,7 @@
 """Friction of the clearance joint, and the two readings of its slip speed.
 
-All laws here are regularised: without slip there is no force, so that nothing sticks. The law of
-`jaxcrusher.joint.bristles` has a state, and sticks.
+All laws here are odd in the slip speed and regularised: without slip there is no force, so that
+nothing sticks. The law of `jaxcrusher.joint.bristles` has a state, and sticks.
 """
 
 import abc
@@ -9,6 +9,7 @@ import abc
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import scalar
@@ -32,8 +33,8 @@ class CentreSlip(AbstractSlip):
     hard impacts, and may do positive work.
     """
 
+    @override
     def speed(self, centre_speed: Scalar, surface_speed: Scalar) -> Scalar:
-        """The centres' speed."""
         return centre_speed
 
 
@@ -43,8 +44,8 @@ class SurfaceSlip(AbstractSlip):
     About -3.9 m/s in the PE250x400 at 30 rad/s: full sliding, always.
     """
 
+    @override
     def speed(self, centre_speed: Scalar, surface_speed: Scalar) -> Scalar:
-        """The surfaces' speed."""
         return surface_speed
 
 
@@ -82,8 +83,8 @@ class AmbrosioFriction(AbstractFriction):
     full_speed: Scalar = eqx.field(converter=scalar, default=1.0)  # v1, m/s
     width: Scalar = eqx.field(converter=scalar, default=1e-4)  # m/s
 
+    @override
     def force(self, normal_force: Scalar, slip_speed: Scalar) -> Scalar:
-        """F_t, N: odd in the slip speed."""
         ramp = self._ramp(slip_speed) - self._ramp(-slip_speed)
         return -self.coefficient * normal_force * ramp
 
@@ -104,8 +105,8 @@ class Threlfall(AbstractFriction):
     coefficient: Scalar = eqx.field(converter=scalar, default=0.1)  # c_f
     full_speed: Scalar = eqx.field(converter=scalar, default=1.0, metadata=_SPEED)  # v1
 
+    @override
     def force(self, normal_force: Scalar, slip_speed: Scalar) -> Scalar:
-        """F_t, N: odd in the slip speed."""
         share = jnp.clip(jnp.abs(slip_speed) / self.full_speed, 0.0, 1.0)
         # From expm1(-3 x) / x, which has a value at rest.
         rest = share < 1e-8
@@ -128,8 +129,8 @@ class BengisuAkay(AbstractFriction):
     static_speed: Scalar = eqx.field(converter=scalar, default=0.1, metadata=_SPEED)  # v0
     decay: Scalar = eqx.field(converter=scalar, default=10.0, metadata={"unit": "s/m"})  # xi
 
+    @override
     def force(self, normal_force: Scalar, slip_speed: Scalar) -> Scalar:
-        """F_t, N: odd in the slip speed."""
         v0, speed = self.static_speed, jnp.abs(slip_speed)
         # v (2 v0 - |v|) / v0^2 is the parabola with its sign.
         below = self.static_ratio * slip_speed * (2 * v0 - speed) / v0**2
@@ -152,8 +153,8 @@ class Stribeck(AbstractFriction):
     stribeck_speed: Scalar = eqx.field(converter=scalar, default=0.3, metadata=_SPEED)  # v_s
     width: Scalar = eqx.field(converter=scalar, default=0.01, metadata=_SPEED)  # v_t
 
+    @override
     def force(self, normal_force: Scalar, slip_speed: Scalar) -> Scalar:
-        """F_t, N: odd in the slip speed."""
         fall = jnp.exp(-((slip_speed / self.stribeck_speed) ** 2))
         size = 1 + (self.static_ratio - 1) * fall
         return -self.coefficient * normal_force * size * jnp.tanh(slip_speed / self.width)

@@ -29,6 +29,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import Vector, direction, scalar, total
@@ -51,6 +52,7 @@ class Guide(AbstractGap):
     friction: AbstractFriction | None
 
     @property
+    @override
     def bore_radius(self) -> Scalar:
         """Infinite: the edges are straight."""
         return jnp.full_like(self.clearance, jnp.inf)
@@ -120,22 +122,24 @@ class Guide(AbstractGap):
             depth, rate, none, pressed, force, lost, rubbing, -rubbing * slip, slip, slip
         )
 
+    @override
     def half_width_ratio(self, penetration: Scalar) -> Scalar:
         """Hertz's half-width over the radius of a corner."""
         return self.normal.half_width(penetration, self.corner_radius) / self.corner_radius
 
+    @override
     def initial_memory(self) -> PyTree[Scalar] | None:
-        """Return what the four corners remember at the start; None: nothing."""
         one = super().initial_memory()
         return None if one is None else (one,) * len(CORNERS)
 
+    @override
     def memory_rate(self, contact: Contact, memory: PyTree[Scalar] | None) -> PyTree[Scalar] | None:
-        """Return the rate of what each corner remembers."""
         if memory is None:
             return None
         pairs = zip(contact.corners, memory, strict=True)
         return tuple(super(Guide, self).memory_rate(corner, one) for corner, one in pairs)
 
+    @override
     def resting(self, force: Vector, mean_spin: Scalar) -> Vector:
         """Return where a slider carries a force to the left and a moment over L/2 (N): x and y, m.
 
@@ -150,8 +154,8 @@ class Guide(AbstractGap):
         front, rear = off((force.x + force.y) / 2), off((force.x - force.y) / 2)
         return Vector((front + rear) / 2, (front - rear) / 2)
 
+    @override
     def elastic_energy(self, contact: Contact) -> Scalar:
-        """Return the energy that is stored in the four corners, J."""
         parts = (self.normal.elastic_energy(one.penetration) for one in contact.corners)
         return cast(Scalar, total(parts))
 

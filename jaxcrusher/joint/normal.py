@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.plane import scalar
@@ -79,16 +80,16 @@ class ConstantImpactVelocity(AbstractImpactVelocity):
 
     speed: Scalar = eqx.field(converter=scalar)  # m/s
 
+    @override
     def initial(self) -> None:
-        """Nothing to remember."""
         return None
 
+    @override
     def value(self, memory: Scalar | None) -> Scalar:
-        """The constant."""
         return self.speed
 
+    @override
     def rate(self, memory: None, in_contact: Scalar, penetration: Scalar, approach: Scalar) -> None:
-        """Nothing to remember."""
         return None
 
 
@@ -107,18 +108,18 @@ class TrackedImpactVelocity(AbstractImpactVelocity):
     lag: Scalar = eqx.field(converter=scalar, default=0.25)  # b, a share of the gap
     least_gap: Scalar = eqx.field(converter=scalar, default=1e-8)  # w, m
 
+    @override
     def initial(self) -> Scalar:
-        """The floor."""
         return self.floor
 
+    @override
     def value(self, memory: Scalar) -> Scalar:
-        """The remembered approach speed, or the floor."""
         return jnp.maximum(memory, self.floor)
 
+    @override
     def rate(
         self, memory: Scalar, in_contact: Scalar, penetration: Scalar, approach: Scalar
     ) -> Scalar:
-        """Following in flight while the gap closes, zero otherwise."""
         gap = jnp.maximum(-penetration, 0) + self.least_gap
         closing = (1 - in_contact) * jnp.maximum(approach, 0)
         return (approach - memory) * closing / (self.lag * gap)
@@ -177,15 +178,16 @@ class AbstractHysteresis(AbstractNormalForce):
     def damping_factor(self) -> Scalar:
         """D, from the coefficient of restitution."""
 
+    @override
     def force(self, penetration: Scalar, rate: Scalar, memory: Scalar | None) -> Scalar:
-        """F_n, N."""
         damping = self.damping_factor() * rate / self.impact_velocity.value(memory)
         return self.elastic_force(penetration) * (1 + damping)
 
+    @override
     def asked_restitution(self) -> Scalar:
-        """The coefficient of restitution that the law was made for."""
         return self.restitution
 
+    @override
     def delivered_restitution(self, speed: Scalar) -> Scalar:
         """Rebound over impact speed e* of a free impact at `speed` (m/s).
 
@@ -205,8 +207,8 @@ class AbstractHysteresis(AbstractNormalForce):
             u = u - (u + jnp.expm1(-u) - spent) / -jnp.expm1(-u)
         return jnp.where(small, jnp.polyval(_REBOUND, factor), -jnp.expm1(-u) / apart)
 
+    @override
     def in_contact(self, penetration: Scalar) -> Scalar:
-        """1 in contact, 0 in flight, smooth between."""
         return smooth.step(penetration, self.width)
 
 
@@ -215,16 +217,16 @@ class AbstractNormalLaw(AbstractHysteresis):
 
     stiffness: eqx.AbstractVar[Scalar]  # K, N/m^1.5
 
+    @override
     def elastic_force(self, penetration: Scalar) -> Scalar:
-        """K delta^1.5, N."""
         return self.stiffness * smooth.positive_power(penetration, self.width, HERTZ)
 
+    @override
     def elastic_energy(self, penetration: Scalar) -> Scalar:
-        """The work of the elastic part, J."""
         return self.stiffness * smooth.positive_power_integral(penetration, self.width, HERTZ)
 
+    @override
     def penetration_under(self, force: Scalar) -> Scalar:
-        """The penetration (m) at which the elastic part is `force` (N, > 0) at rest."""
         return (force / self.stiffness) ** (1 / HERTZ)
 
 
@@ -243,24 +245,24 @@ class LankaraniNikravesh(AbstractPublishedLaw):
     Derived for e near 1: asked for e = 0.9 it delivers 0.9132, for 0.5 it delivers 0.725.
     """
 
+    @override
     def damping_factor(self) -> Scalar:
-        """3 (1 - e^2) / 4."""
         return 3 * (1 - self.restitution**2) / 4
 
 
 class HuntCrossley(AbstractPublishedLaw):
     """D = 3 (1 - e) / 2: Hunt and Crossley 1975. Asked for 0.9 it delivers 0.9090."""
 
+    @override
     def damping_factor(self) -> Scalar:
-        """3 (1 - e) / 2."""
         return 3 * (1 - self.restitution) / 2
 
 
 class Flores(AbstractPublishedLaw):
     """D = 8 (1 - e) / (5 e): Flores and co-workers 2011, for e from 0 to 1."""
 
+    @override
     def damping_factor(self) -> Scalar:
-        """8 (1 - e) / (5 e)."""
         return 8 * (1 - self.restitution) / (5 * self.restitution)
 
 
@@ -271,8 +273,8 @@ class Gonthier(AbstractPublishedLaw):
     closed form of `delivered_restitution`. Asked for 0.9 it delivers 0.8764.
     """
 
+    @override
     def damping_factor(self) -> Scalar:
-        """(1 - e^2) / e."""
         return (1 - self.restitution**2) / self.restitution
 
 
@@ -282,14 +284,14 @@ class ZhiyingQishao(AbstractPublishedLaw):
     It is Lankarani and Nikravesh's law with a factor for lower e. Asked for 0.9 it delivers 0.8959.
     """
 
+    @override
     def damping_factor(self) -> Scalar:
-        """3 (1 - e^2) exp(2 (1 - e)) / 4."""
         return 3 * (1 - self.restitution**2) * jnp.exp(2 * (1 - self.restitution)) / 4
 
 
 class HuGuo(AbstractPublishedLaw):
     """D = 3 (1 - e) / (2 e): Hu and Guo 2015. Asked for 0.9 it delivers 0.8999."""
 
+    @override
     def damping_factor(self) -> Scalar:
-        """3 (1 - e) / (2 e)."""
         return 3 * (1 - self.restitution) / (2 * self.restitution)

@@ -18,6 +18,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics import smooth
 from jaxcrusher.basics.checks import require
@@ -117,6 +118,7 @@ class Rollers(AbstractNormalForce):
         stiffness = self.count * self.roller_stiffness() / jnp.sqrt(2 * (self.clearance + deep))
         return stiffness * power * force_factor(self._share(deep))
 
+    @override
     def elastic_force(self, penetration: Scalar) -> Scalar:
         """The slope of the elastic energy, N."""
         deep = smooth.positive_part(penetration, self.width)
@@ -124,8 +126,8 @@ class Rollers(AbstractNormalForce):
         corner = jnp.clip((penetration + self.width) / (2 * self.width), 0, 1)
         return self._sjovall(deep, power) * corner
 
+    @override
     def elastic_energy(self, penetration: Scalar) -> Scalar:
-        """The work of the elastic part, J."""
         deep = smooth.positive_part(penetration, self.width)
         power = smooth.positive_power(penetration, self.width, EXPONENT + 1.5)
         stiffness = self.count * self.roller_stiffness() / (EXPONENT + 1)
@@ -139,15 +141,13 @@ class Rollers(AbstractNormalForce):
         along, across = damping_shares(root / jnp.sqrt(2 * (self.clearance + deep)))
         return self.damping * along, self.damping * across
 
+    @override
     def force(self, penetration: Scalar, rate: Scalar, memory: Scalar | None) -> Scalar:
-        """F_n, N."""
         return self.elastic_force(penetration) + self.damping_coefficients(penetration)[0] * rate
 
+    @override
     def penetration_under(self, force: Scalar) -> Scalar:
-        """The penetration (m) at which the elastic part is `force` (N, > 0) at rest.
-
-        The elastic part is a power between 29/18 and 10/9.
-        """
+        # The elastic part is a power between 29/18 and 10/9.
         guess = (force / (self.count * self.roller_stiffness())) ** (1 / EXPONENT)
         return inverse(lambda deep: self._sjovall(deep, deep ** (EXPONENT + 0.5)), force, guess)
 
@@ -173,6 +173,7 @@ class RollerBearing(AbstractBearing):
     norm_width: Scalar = eqx.field(converter=scalar, default=1e-9)
     friction: None = None  # nothing slides
 
+    @override
     def contact(
         self,
         eccentricity: Vector,
@@ -181,7 +182,6 @@ class RollerBearing(AbstractBearing):
         journal_spin: Scalar | float,
         memory: Scalar | None,
     ) -> Contact:
-        """The rollers' force and moments; see `AbstractBearing.contact`."""
         length = smooth.norm(eccentricity, self.norm_width)
         normal = eccentricity / length
         tangent = normal.perp()
@@ -212,6 +212,7 @@ class RollerBearing(AbstractBearing):
             journal_moment=inner * lever - rolling,
         )
 
+    @override
     def half_width_ratio(self, penetration: Scalar) -> Scalar:
         """Hertz's half-width over the radius of the most loaded roller, at the inner ring."""
         load = self.normal.roller_load(penetration) / self.normal.length

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import is_concrete, nan_unless, require
 from jaxcrusher.basics.plane import Vector, optional_scalar, scalar
@@ -61,12 +62,12 @@ class Push(AbstractPush):
     given: Vector  # N
 
     @property
+    @override
     def body(self) -> str:
-        """Return the name of the body that is pushed."""
         return self.at.body
 
+    @override
     def action(self, motion: Motion) -> tuple[Point, Vector]:
-        """Return the point and the given force."""
         return self.at, self.given
 
 
@@ -89,14 +90,15 @@ class PushByAngle(AbstractPush):
         require_direction(self.along)
 
     @property
+    @override
     def body(self) -> str:
-        """Return the name of the body that is pushed."""
         return self.at.body
 
+    @override
     def action(self, motion: Motion) -> tuple[Point, Vector]:
-        """Return the point, and the force at the crank's angle."""
         return self.at, self.size(motion.crank.angle) * (self.along / norm(self.along, 0.0))
 
+    @override
     def steady(self) -> "PushByAngle":
         """Return the push; ValueError (known numbers only) for a size that does not repeat."""
         if not is_concrete(self.size):
@@ -132,20 +134,20 @@ class RoughFeed(AbstractPush):
     phases: Float[Array, " cosines"]  # rad
 
     @property
+    @override
     def body(self) -> str:
-        """Return the name of the body that is pushed."""
         return self.load.body
 
+    @override
     def action(self, motion: Motion) -> tuple[Point, Vector]:
-        """Return where the mean push acts, and its force times 1 + s w."""
         return _times(1 + self.scatter * self.wave(motion.crank.angle), self.load, motion)
 
+    @override
     def steady(self) -> AbstractPush:
-        """Return the mean push."""
         return self.load.steady()
 
+    @override
     def later(self, angle: Any) -> "RoughFeed":
-        """Return the push whose wave has gone on by an angle of the crank, rad."""
         phases = self.phases + self.places * (self.bandwidth * angle)
         return dataclasses.replace(self, phases=phases)
 
@@ -162,12 +164,12 @@ class Multiplied(AbstractPush):
     factor: Scalar = eqx.field(converter=scalar)
 
     @property
+    @override
     def body(self) -> str:
-        """Return the name of the body that is pushed."""
         return self.load.body
 
+    @override
     def action(self, motion: Motion) -> tuple[Point, Vector]:
-        """Return where the push acts, and its force times the factor."""
         return _times(self.factor, self.load, motion)
 
 

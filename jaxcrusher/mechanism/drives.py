@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import concrete, is_concrete, nan_unless, require, require_positive
 from jaxcrusher.basics.plane import scalar
@@ -57,6 +58,7 @@ class AbstractMotion(AbstractDrive):
     crank does not turn once in a turn.
     """
 
+    @override
     def __check_init__(self):
         if type(self) not in (ConstantSpeed, UnevenSpeed):
             _require_rates(self)
@@ -65,20 +67,20 @@ class AbstractMotion(AbstractDrive):
     def motion(self, time: Scalar) -> tuple[Scalar, Scalar, Scalar | None]:
         """Return angle (rad), speed (rad/s) and acceleration (rad/s2; None: zero) at a time (s)."""
 
+    @override
     def initial(self) -> None:
-        """Return nothing: there is nothing to integrate."""
         return None
 
+    @override
     def crank(self, time: Scalar, state: None) -> Crank:
-        """Return the crank by `motion`."""
         return Crank(*self.motion(time))
 
+    @override
     def torque(self, time: Scalar, crank: Crank) -> None:
-        """Return nothing."""
         return None
 
+    @override
     def rate(self, crank: Crank, acceleration: Scalar) -> None:
-        """Return nothing."""
         return None
 
 
@@ -87,8 +89,8 @@ class ConstantSpeed(AbstractMotion):
 
     speed: Scalar = eqx.field(converter=scalar)  # omega, rad/s
 
+    @override
     def motion(self, time: Scalar) -> tuple[Scalar, Scalar, None]:
-        """Return omega t, omega, and no acceleration."""
         return self.speed * time, self.speed, None
 
 
@@ -110,6 +112,7 @@ class UnevenSpeed(AbstractMotion):
     order: Scalar = eqx.field(converter=_whole, default=1.0)  # a turn
     phase: Scalar = eqx.field(converter=scalar, default=0.0)  # rad
 
+    @override
     def __check_init__(self):
         share, order = concrete(self.fluctuation), concrete(self.order)
         good = share is None or bool(np.all(np.abs(share) < 1))
@@ -117,6 +120,7 @@ class UnevenSpeed(AbstractMotion):
         good = order is None or bool(np.all((order >= 1) & (order == np.round(order))))
         require(good, "fluctuation_order", "be a whole number >= 1", order)
 
+    @override
     def motion(self, time: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """Return w t + share / order (sin(order w t + phase) - sin(phase)), and its derivatives."""
         place = self.order * self.speed * time + self.phase
@@ -131,16 +135,16 @@ class UnevenSpeed(AbstractMotion):
 class AbstractTorque(AbstractDrive):
     """A drive that gives a torque to a free crank, which starts at `speed`."""
 
+    @override
     def initial(self) -> CrankState:
-        """Return angle 0 at the nominal speed."""
         return CrankState(jnp.zeros_like(self.speed), jnp.ones_like(self.speed))
 
+    @override
     def crank(self, time: Scalar, state: CrankState) -> Crank:
-        """Return the crank of a state."""
         return Crank(state.angle, state.relative_speed * self.speed)
 
+    @override
     def rate(self, crank: Crank, acceleration: Scalar) -> CrankState:
-        """Return the speed, and the acceleration over the nominal speed."""
         return CrankState(crank.speed, acceleration / self.speed)
 
 
@@ -150,8 +154,8 @@ class GivenTorque(AbstractTorque):
     given: Scalar = eqx.field(converter=scalar)  # N m, counterclockwise
     speed: Scalar = eqx.field(converter=scalar)  # at the start, rad/s
 
+    @override
     def torque(self, time: Scalar, crank: Crank) -> Scalar:
-        """Return the constant."""
         return self.given
 
 

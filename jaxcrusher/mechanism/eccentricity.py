@@ -6,6 +6,7 @@ crank and a frame on supports add their own states; with ideal joints there may 
 """
 
 from jaxtyping import PyTree, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.basics.record import Record
@@ -58,31 +59,30 @@ class EccentricityState(Record):
 class EccentricityFormulation(AbstractFormulation):
     """Kane's equations in eccentricities, and in the spins of what is held together."""
 
+    @override
     def initial(self, scene: Scene) -> EccentricityState:
-        """Return the state of the scene's start, with the initial crank and frame."""
-
         def one(joint: AbstractGap, e: Vector, rate: Vector) -> JointState:
             return JointState(e / joint.clearance, rate, joint.initial_memory())
 
         joints = scene.joints.map(one, *start_of(scene).eccentricities(scene))
         return EccentricityState(joints, scene.drive.initial(), initial_frame(scene))
 
+    @override
     def motion(self, time: Scalar, state: EccentricityState, scene: Scene) -> Motion:
-        """Return the motion of a crank and of eccentricities."""
         parts = state.parts
         e = scene.joints.map(lambda one, at: one.clearance * at, parts.eccentricities)
         return moving(scene.linkage, scene.drive.crank(time, state.crank), e, parts.rates)
 
+    @override
     def snapshot(self, time: Scalar, state: EccentricityState, scene: Scene) -> Snapshot:
-        """Return an instant: places first, then the forces, then the accelerations."""
         frame = None if state.frame is None else frame_units(scene).motion(state.frame)
         motion = self.motion(time, state, scene)
         contacts = contacts_of(scene, motion, state.parts.memories)
         torque = scene.drive.torque(time, motion.crank)
         return snapshot_of(scene, motion, contacts, torque, frame, solve)
 
+    @override
     def rate(self, snapshot: Snapshot, state: EccentricityState, scene: Scene) -> EccentricityState:
-        """Return e' and e'', and the rates of crank and frame."""
         found = snapshot.accelerations
 
         def one(joint: AbstractGap, at: JointState, contact: Contact, second: Vector) -> JointState:
@@ -93,6 +93,7 @@ class EccentricityFormulation(AbstractFormulation):
         crank = scene.drive.rate(snapshot.motion.crank, found.past_frame(scene.linkage.crank))
         return EccentricityState(joints, crank, frame_rate(scene, snapshot.frame, found))
 
+    @override
     def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
         """Return the same: the state is e / c itself, and all else is of order one."""
         return rtol

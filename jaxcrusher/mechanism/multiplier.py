@@ -12,6 +12,7 @@ import functools
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import PyTree, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.linear import SparseRow, solve_constrained
 from jaxcrusher.basics.plane import Vector, direction, or_zero, plus, scalar
@@ -70,6 +71,7 @@ class MultiplierFormulation(AbstractFormulation):
     alpha: Scalar = eqx.field(converter=scalar, default=20.0)
     beta: Scalar = eqx.field(converter=scalar, default=20.0)
 
+    @override
     def initial(self, scene: Scene) -> MultiplierState:
         """Return the scene's start, on the constraints to rounding."""
         linkage, drive = scene.linkage, scene.drive
@@ -87,6 +89,7 @@ class MultiplierFormulation(AbstractFormulation):
         memories = scene.joints.map(lambda joint: joint.initial_memory())
         return MultiplierState(Named(position), Named(velocity), memories, initial_frame(scene))
 
+    @override
     def motion(self, time: Scalar, state: MultiplierState, scene: Scene) -> Motion:
         """Return the motion of a state; its loose joints have the eccentricities that they show."""
         linkage, poses = scene.linkage, {}
@@ -109,8 +112,8 @@ class MultiplierFormulation(AbstractFormulation):
         e, rates = ({name: gap[part] for name, gap in gaps.items()} for part in (0, 1))
         return dataclasses.replace(motion, eccentricities=Named(e), rates=Named(rates))
 
+    @override
     def snapshot(self, time: Scalar, state: MultiplierState, scene: Scene) -> Snapshot:
-        """Return an instant: solve (20) for the accelerations and the multipliers."""
         frame = None if state.frame is None else frame_units(scene).motion(state.frame)
         motion = self.motion(time, state, scene)
         contacts = contacts_of(scene, motion, state.memories)
@@ -170,8 +173,8 @@ class MultiplierFormulation(AbstractFormulation):
             functools.reduce(jnp.maximum, [jnp.abs(off) for off, _, _ in kept], none),
         )
 
+    @override
     def rate(self, snapshot: Snapshot, state: MultiplierState, scene: Scene) -> MultiplierState:
-        """Return velocities and accelerations, q' and q''."""
         found, frame = snapshot.accelerations, snapshot.frame
         second = {}
         for name in state.velocity.names:
@@ -196,6 +199,7 @@ class MultiplierFormulation(AbstractFormulation):
             frame_rate(scene, frame, found),
         )
 
+    @override
     def tolerance(self, scene: Scene, rtol: Scalar | float) -> Scalar | float:
         """Return a tolerance for positions of some 1 m, `rtol` clearances, but above rounding.
 

@@ -10,6 +10,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.basics.following import Instant
@@ -53,19 +54,19 @@ class PowerMean(AbstractMean):
 
     power: int = 1
 
+    @override
     def integrands(self, q: Array) -> tuple[Array, ...]:
-        """Return the power of the quantity."""
         return (q**self.power,)
 
+    @override
     def of_means(self, *means: Scalar) -> Scalar:
-        """Return the root of the mean."""
         (mean,) = means
         if self.power == 1:
             return mean
         return jnp.sqrt(mean) if self.power == 2 else mean ** (1 / self.power)
 
+    @override
     def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
-        """Return the number over n equal pieces of a motion, from that of each."""
         return self.of_means(jnp.mean(values**self.power))
 
 
@@ -76,18 +77,18 @@ class Deviation(AbstractMean):
     It is sqrt(mean of q^2 - (mean of q)^2), known to some 1e-8 of the mean.
     """
 
+    @override
     def integrands(self, q: Array) -> tuple[Array, ...]:
-        """Return the quantity and its square."""
         return q, q**2
 
+    @override
     def of_means(self, *means: Scalar) -> Scalar:
-        """Return the root of the variance."""
         mean, square = means
         least = DEVIATION_WIDTH**2 * square + NOTHING**2
         return jnp.sqrt(jnp.maximum(square - mean**2, 0) + least)
 
+    @override
     def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
-        """Return the root mean square of the pieces."""
         return jnp.sqrt(jnp.mean(values**2))
 
 
@@ -95,17 +96,17 @@ class Deviation(AbstractMean):
 class Lasting(AbstractMean):
     """1 / mean of q: how long a stock lasts if q is used of it in a unit of time."""
 
+    @override
     def integrands(self, q: Array) -> tuple[Array, ...]:
-        """Return the quantity."""
         return (q,)
 
+    @override
     def of_means(self, *means: Scalar) -> Scalar:
-        """Return the time."""
         (mean,) = means
         return 1 / mean
 
+    @override
     def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
-        """Return the time over n equal pieces of a motion, from that of each."""
         return 1 / jnp.mean(1 / values)
 
 
@@ -167,27 +168,27 @@ class Largest(AbstractFollowed):
 
     lowest: float = -math.inf  # of a size it is zero
 
+    @override
     def begin(self) -> tuple[float, ...]:
-        """Return a value below all others."""
         return (NOTHING_YET,)
 
+    @override
     def follow(
         self, kept: tuple[Scalar, ...], before: Instant, start: Instant, end: Instant
     ) -> tuple[Scalar, ...]:
-        """Return the larger one of what is kept and of what this step has seen."""
         seen = (start.seen, end.seen, summit(before, start, end))
         return (functools.reduce(jnp.maximum, seen, kept[0]),)
 
+    @override
     def of_kept(self, kept: tuple[Scalar, ...], span: Scalar | float) -> Scalar:
-        """Return the largest one."""
         return kept[0]
 
+    @override
     def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
-        """Return the top of the parabola through the largest sample and its neighbours."""
         return top(samples)
 
+    @override
     def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
-        """Return the largest one."""
         return jnp.max(values)
 
 
@@ -195,27 +196,27 @@ class Largest(AbstractFollowed):
 class Least(AbstractFollowed):
     """The least value: minus the largest value of minus the quantity."""
 
+    @override
     def begin(self) -> tuple[float, ...]:
-        """Return what `Largest` keeps of minus the quantity."""
         return LARGEST.begin()
 
+    @override
     def follow(
         self, kept: tuple[Scalar, ...], before: Instant, start: Instant, end: Instant
     ) -> tuple[Scalar, ...]:
-        """Return what `Largest` keeps of minus the quantity."""
         opposite = (Instant(one.time, -one.seen) for one in (before, start, end))
         return LARGEST.follow(kept, *opposite)
 
+    @override
     def of_kept(self, kept: tuple[Scalar, ...], span: Scalar | float) -> Scalar:
-        """Return the least one."""
         return -kept[0]
 
+    @override
     def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
-        """Return the bottom of the parabola through the least sample and its neighbours."""
         return -top(-samples)
 
+    @override
     def of_pieces(self, values: Float[Array, " n"]) -> Scalar:
-        """Return the least one."""
         return jnp.min(values)
 
 
@@ -223,10 +224,12 @@ class Least(AbstractFollowed):
 class ShareAboveZero(AbstractFollowed):
     """The share of the time in which a quantity is above zero; it passes zero in straight lines."""
 
+    @override
     def begin(self) -> tuple[float, ...]:
         """Return zero time above zero, and zero time in all."""
         return (0.0, 0.0)
 
+    @override
     def follow(
         self, kept: tuple[Scalar, ...], before: Instant, start: Instant, end: Instant
     ) -> tuple[Scalar, ...]:
@@ -237,10 +240,12 @@ class ShareAboveZero(AbstractFollowed):
         step = end.time - start.time
         return kept[0] + step * share, kept[1] + step
 
+    @override
     def of_kept(self, kept: tuple[Scalar, ...], span: Scalar | float) -> Scalar:
         """Return the share of all time, whose rounding is the same: a whole is 1 exactly."""
         return kept[0] / kept[1]
 
+    @override
     def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
         """Return the share of the samples; NaN where one is, which compares as one below zero."""
         return jnp.mean(jnp.where(jnp.isnan(samples), jnp.nan, (samples > 0).astype(float)))
@@ -250,22 +255,22 @@ class ShareAboveZero(AbstractFollowed):
 class RisesAboveZero(AbstractFollowed):
     """How often a turn a quantity comes from zero or below to above."""
 
+    @override
     def begin(self) -> tuple[float, ...]:
-        """Return a count of zero."""
         return (0.0,)
 
+    @override
     def follow(
         self, kept: tuple[Scalar, ...], before: Instant, start: Instant, end: Instant
     ) -> tuple[Scalar, ...]:
-        """Count this step if it begins at zero or below and ends above."""
         return (kept[0] + jnp.where((start.seen <= 0) & (end.seen > 0), 1.0, 0.0),)
 
+    @override
     def of_kept(self, kept: tuple[Scalar, ...], span: Scalar | float) -> Scalar:
-        """Return the count over the turns, or over the part of a turn, of a span (rad)."""
         return kept[0] / (span / (2 * math.pi))
 
+    @override
     def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
-        """Count in samples that repeat."""
         rises = (jnp.roll(samples, 1) <= 0) & (samples > 0)
         return jnp.sum(jnp.where(rises, 1.0, 0.0))
 

@@ -8,6 +8,7 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import PyTree, Scalar
+from typing_extensions import override
 
 # Its integrator is made with the first scene, before a program of it is traced.
 import jaxcrusher.basics.loops  # noqa: F401
@@ -305,9 +306,11 @@ class Scene(Summarised, eqx.Module):
         """Whether a joint has clearance or the frame stands on supports: an orbit's unknowns."""
         return not self.is_ideal or self.supports is not None
 
+    @override
     def _summary(self) -> Summary:
         return summary_of(self)
 
+    @override
     def _picture(self) -> str:
         return sketch_of(self)
 

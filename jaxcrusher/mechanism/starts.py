@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import require
 from jaxcrusher.basics.plane import Vector, plus
@@ -21,8 +22,8 @@ from jaxcrusher.mechanism.state import snapshot_of
 class Centred(AbstractStart):
     """e = e' = 0 relative to the ideal motion, the paper's initial condition: a hard start."""
 
+    @override
     def eccentricities(self, scene: Scene) -> tuple[Named[Vector], Named[Vector]]:
-        """Return zero and zero."""
         none = scene.joints.map(lambda _: Vector(0.0, 0.0))
         return none, none
 
@@ -54,6 +55,7 @@ class InContact(AbstractStart):
 
     refinements: int = eqx.field(static=True, default=2)
 
+    @override
     def eccentricities(self, scene: Scene) -> tuple[Named[Vector], Named[Vector]]:
         """Return them by collocation at nine instants, within 0.1 rad about time zero."""
         points, matrix = _chebyshev(9)
@@ -114,8 +116,8 @@ class Given(AbstractStart):
     relative: Named[Vector] = eqx.field(converter=_named)  # in clearances
     rate: Named[Vector] = eqx.field(converter=_named, default_factory=Named)  # m/s
 
+    @override
     def eccentricities(self, scene: Scene) -> tuple[Named[Vector], Named[Vector]]:
-        """Return them as given."""
         loose, still = scene.joints.names, Vector(0.0, 0.0)
         for name in (*self.relative.names, *self.rate.names):
             must = f"name joints with clearance: {', '.join(loose)}"

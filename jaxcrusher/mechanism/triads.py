@@ -16,6 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.periodic_spline import PeriodicSeries, series_through
 from jaxcrusher.basics.plane import Arm, Vector, direction, minus, or_zero, plus, scalar, total
@@ -52,12 +53,12 @@ class Rod(AbstractHold):
     rate: Vector | None
     length: Scalar
 
+    @override
     def normal(self, u: Vector) -> Vector:
-        """Return u over the length."""
         return (1 / self.length) * u
 
+    @override
     def gap(self, u: Vector) -> Scalar:
-        """Return (u . u - l^2) / 2 l, m."""
         return 0.5 * ((1 / self.length) * u.dot(u) - self.length)
 
 
@@ -69,12 +70,12 @@ class Rail(AbstractHold):
     rate: Vector | None
     across: Vector
 
+    @override
     def normal(self, u: Vector) -> Vector:
-        """Return the unit vector across the slide."""
         return self.across
 
+    @override
     def gap(self, u: Vector) -> Scalar:
-        """Return the distance of the joint from the line."""
         return self.across.dot(u)
 
 
@@ -136,6 +137,7 @@ class Spot(AbstractCourse):
     place: Vector  # m
     axis: Vector
 
+    @override
     def placed(self, holds: Holds, angle: Scalar) -> "Spot":
         """Return where it is near this spot.
 
@@ -190,8 +192,8 @@ class Guess(AbstractCourse):
     place: Vector  # m
     angle: Scalar = eqx.field(converter=scalar)  # rad
 
+    @override
     def placed(self, holds: Holds, angle: Scalar) -> Spot:
-        """Return the spot after many steps from this guess."""
         begin = Spot(self.place, direction(self.angle))
         # What comes back has the types of what goes in.
         found = jax.lax.fori_loop(0, SEEKING, lambda _, spot: spot.strode(holds), begin)
@@ -206,8 +208,8 @@ class Course(AbstractCourse):
 
     series: tuple[PeriodicSeries, ...]
 
+    @override
     def placed(self, holds: Holds, angle: Scalar) -> Spot:
-        """Return where it is near its course."""
         held = jax.lax.stop_gradient(angle)
         x, y, cosine, sine = (one(held) for one in jax.lax.stop_gradient(self.series))
         return Spot(Vector(x, y), Vector(cosine, sine)).placed(holds, angle)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Array
+from typing_extensions import override
 
 from jaxcrusher.files.summary import Row, Summarised, Summary, value_text
 
@@ -18,6 +19,7 @@ class MadeOf(property):
 
     needed: str
 
+    @override
     def __get__(self, result: Any, kind: type | None = None) -> Any:
         """Return its value; AttributeError where it is not there."""
         if result is not None and self.needed not in result.units():
@@ -78,6 +80,7 @@ class AbstractNamed(Summarised):
                 raise AttributeError(self._missing(name))
             return self.values[name]
 
+    @override
     def __dir__(self):
         return [*filter(self._offers, super().__dir__()), *self.values]
 
@@ -123,6 +126,7 @@ class AbstractNamed(Summarised):
         """Return what else is said of one that has not failed."""
         return []
 
+    @override
     def _summary(self) -> Summary:
         kind, good = type(self).__name__, np.asarray(self.success)
         if good.ndim:

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import require, require_whole
 from jaxcrusher.basics.integrate import RESULTS, Integration, Outcome, integrate
@@ -52,9 +53,11 @@ class Section(AbstractOverTurns, eqx.Module):
         turns, state = len(self.states), self.state
         return Statistics(turns, self.outcome, values, self.values, state, known=self.known)
 
+    @override
     def _headline(self) -> str:
         return f"states at the ends of {len(self.states)} turns"
 
+    @override
     def _rows(self) -> list[Row]:
         return [Row("states", value_text(self.states, "1")), *self._rows_of(self._told)]
 

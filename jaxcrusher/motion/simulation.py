@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import concrete, require
 from jaxcrusher.basics.integrate import (
@@ -95,6 +96,7 @@ class Energy(Summarised, eqx.Module):
             balance = balance if loss is None else balance + loss
         return balance - balance[..., :1]
 
+    @override
     def _summary(self) -> Summary:
         parts = {one.name: getattr(self, one.name) for one in dataclasses.fields(self)}
         rows = [Row(name, value_text(of, "J")) for name, of in parts.items() if of is not None]
@@ -119,8 +121,8 @@ class Trajectory(AbstractNamed, eqx.Module, ObservableNames):
     values: Mapping[str, Float[Array, " times"] | Float[Array, "times 2"] | Energy]
     known: Known = eqx.field(static=True, default=())
 
+    @override
     def units(self) -> dict[str, str]:
-        """Return the units of all that might have been asked for."""
         return {name: one.unit for name, one in self.known} | {"energy": "J"}
 
     @property
@@ -129,11 +131,13 @@ class Trajectory(AbstractNamed, eqx.Module, ObservableNames):
         return self["energy"]
 
     @property
+    @override
     def success(self) -> Bool[Array, "*batch"]:
         """Whether the integration came to its end."""
         return self.outcome.success
 
     @property
+    @override
     def failure(self) -> str:
         """Why and when (s) the integration stopped, or nothing (concrete values only)."""
         return failure_text(self.outcome, "s")
@@ -144,19 +148,23 @@ class Trajectory(AbstractNamed, eqx.Module, ObservableNames):
         places = self["jaw_position"]
         return places - places[..., :1, :]
 
+    @override
     def _entries(self) -> Mapping[str, Any]:
         return dict(self.known)
 
+    @override
     def _headline(self) -> str:
         first, last = (float(self.time[i]) for i in (0, -1))
         return f"{len(self.time)} times from {number(first)} to {number(last)} s"
 
+    @override
     def _rows(self) -> list[Row]:
         rows = self._rows_of(name for name in self._told if name != "energy")
         if "energy" in self.values:
             rows.append(Row("energy", self.energy._balance, "its ledger"))
         return rows
 
+    @override
     def _picture(self) -> str:
         shape = self.time.shape
         scalars = [n for n, of in self.values.items() if getattr(of, "shape", None) == shape]

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import nan_unless, require_whole
 from jaxcrusher.basics.following import Following, Instant
@@ -55,19 +56,22 @@ class AbstractOverTurns(AbstractNamed, StatisticNames):
     outcome: Outcome  # fields of the module that inherits
     known: Chosen
 
+    @override
     def units(self) -> dict[str, str]:
-        """Return the unit of every statistic that might have been asked for."""
         return {name: one.unit for name, one in self.known}
 
+    @override
     def _entries(self) -> Mapping[str, Any]:
         return dict(self.known)
 
     @property
+    @override
     def success(self) -> Bool[Array, "*batch"]:
         """Whether the integration came to its end."""
         return self.outcome.success
 
     @property
+    @override
     def failure(self) -> str:
         """Why and when the integration stopped, or nothing (concrete values only)."""
         return failure_text(self.outcome, "rad of phase")
@@ -143,19 +147,23 @@ class Statistics(AbstractOverTurns, eqx.Module):
         found = jnp.vectorize(functools.partial(standard_error, how), signature="(n)->()")
         return found(self.by_turn[name])
 
+    @override
     def _headline(self) -> str:
         waits = self.turns > 1 and not bool(_judged(self)[1])
         turns = "1 turn" if self.turns == 1 else f"{self.turns} turns"
         waiting = " of a motion that has NOT settled" if waits else ""
         return f"{turns}{waiting}, {self.validity.verdict()}"
 
+    @override
     def _counted(self) -> Mapping[str, Any]:
         return {"inside the contact model": self.validity.inside}
 
+    @override
     def _rows(self) -> list[Row]:
         known = self.turns > 1 and not self.success.ndim
         return self._rows_of(self._told, _judged(self)[0] if known else {})
 
+    @override
     def _picture(self) -> str:
         if self.turns < 2 or not self._is_one or not self.by_turn:
             return ""

@@ -3,6 +3,8 @@
 import math
 from typing import NamedTuple
 
+from typing_extensions import override
+
 from jaxcrusher.basics.checks import require_choice
 from jaxcrusher.basics.integrate import Outcome
 from jaxcrusher.orbits.solving import NODES
@@ -64,6 +66,7 @@ class Budget:
         """Count what costs as much as so many turns, as long as the last ones."""
         self.steps += turns * self._pace
 
+    @override
     def __str__(self) -> str:
         """Say what was tried, and which effort goes further."""
         tried = [f"{' and '.join(map(str, sorted(self.nodes)))} nodes a turn"] if self.nodes else []

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jaxtyping import Array, ArrayLike, Float
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import (
     require,
@@ -150,6 +151,7 @@ class OrbitBranch(Summarised):
     def _headline(self) -> str:
         return self.orbits[0].scene.headline
 
+    @override
     def _summary(self) -> Summary:
         headline, stable = self._headline, self.table["stable"].values
         unit = self.orbits[0].scene.statistics[headline].unit
@@ -171,6 +173,7 @@ class OrbitBranch(Summarised):
         title += f"{len(self.events)} events between them"
         return Summary(title, rows, (self.ended, f"Found {self.found}."))
 
+    @override
     def _picture(self) -> str:
         headline = self._headline
         values = self.table["parameter"].values, self.table[headline].values

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float, PyTree, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import (
     all_finite,
@@ -115,16 +116,18 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
     # what was tried for an orbit that was not found, in words
     tried: str = eqx.field(static=True, default="")
 
+    @override
     def units(self) -> dict[str, str]:
-        """Return the unit of every statistic there is."""
         return {name: one.unit for name, one in self.scene.statistics.items()}
 
     @property
+    @override
     def success(self) -> Bool[Array, "*batch"]:
         """Whether this is an orbit."""
         return self.result == RESULTS.successful
 
     @property
+    @override
     def failure(self) -> str:
         """Say why there is no orbit, and what was tried; nothing if there is one.
 
@@ -226,17 +229,21 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
             )
         return f"Its largest multiplier is {largest.real:.6g}: disturbances grow to one side."
 
+    @override
     def _entries(self) -> Mapping[str, Any]:
         return self.scene.statistics
 
+    @override
     def _headline(self) -> str:
         is_stable = "stable" if self.stable else "UNDECIDED" if self.undecided else "UNSTABLE"
         turns = "each turn" if self.period == 1 else f"after {self.period} turns"
         return f"{is_stable}, repeats {turns}, {self.validity.verdict()}"
 
+    @override
     def _counted(self) -> Mapping[str, Any]:
         return {"stable": self.stable, "inside the contact model": self.validity.inside}
 
+    @override
     def _rows(self) -> list[Row]:
         scene, error = self.scene, np.asarray(self.error * abs(self.values[self.scene.headline]))
         usual = (scene.headline, *(n for n in scene.usual_statistics if n != scene.headline))
@@ -263,9 +270,11 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
         known = np.asarray(self.multipliers_error)
         return np.nan if known.ndim else float(known)
 
+    @override
     def _remarks(self) -> list[str]:
         return list(filter(None, (f"Found {self.found}.", self.instability)))
 
+    @override
     def _picture(self) -> str:
         """Return the pins in their bores, and the leading force over the period."""
         if not self._is_one:

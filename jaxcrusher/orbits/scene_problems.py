@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
+from typing_extensions import override
 
 from jaxcrusher.mechanism.reductions import Chosen
 from jaxcrusher.mechanism.scene import Scene
@@ -43,12 +44,13 @@ class SceneFlow(AbstractFlow):
 
     build: Build
 
+    @override
     def slices(
         self, p: Float[Array, " n"], states: Float[Array, "slices dims"], rtol: Scalar
     ) -> tuple[Array, Array, Array]:
-        """Return where each slice of a turn leads from its state, with slopes by state and p."""
         return slices_apart(self.build, p, states, rtol)
 
+    @override
     def monitors(
         self, p: Float[Array, " n"], state: Float[np.ndarray, " dims"], turns: int
     ) -> Float[np.ndarray, " joints"]:

@@ -19,6 +19,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from typing_extensions import override
 
 from jaxcrusher.periodic.branch import Point, inner, point_of
 from jaxcrusher.periodic.problem import (
@@ -42,8 +43,8 @@ class Crossing(AbstractEquations):
     scale: Array
     shape: tuple[int, ...] = eqx.field(static=True)
 
+    @override
     def residual_and_jacobian(self, unknowns: Any) -> tuple[Array, Array, Any]:
-        """Return the residual, its Jacobian, and what else the evaluation told."""
         both, unfolding = unknowns[:-1], unknowns[-1]
         residual, jacobian, seen = self._of_orbit(both)
         rows = jnp.concatenate([jacobian, self.left[:, None]], axis=1)

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.loops import one_by_one
 from jaxcrusher.periodic.collocation import TOLERANCE
@@ -65,14 +66,15 @@ class CollocationProblem(AbstractPeriodicProblem):
     stride: ClassVar[Stride] = Stride(first=0.01, longest=0.1, shortest=1e-8)
     ends: ClassVar[bool] = True
 
+    @override
     def linearised(self, u: Float[Array, "nodes dims"], p: Parameters) -> Linearised:
-        """Return the residual with its derivatives by u and by p."""
         left, matrix = self.family(p).residual_and_jacobian(u)
         # Of few numbers: forward each costs a residual more.
         columns = jax.jacfwd(lambda p: self.family(p).residual(u))(p)
         return Linearised(left, matrix.reshape(u.size, u.size), columns)
 
     @eqx.filter_jit
+    @override
     def left_out(self, u: Float[Array, "nodes dims"], p: Parameters) -> Array:
         """Return the defect, seen at twice as many points, in the harmonics that the nodes have."""
         system = self.family(p)
@@ -80,6 +82,7 @@ class CollocationProblem(AbstractPeriodicProblem):
         found = one_by_one(system.acceleration, at, system.args)
         return resample(system.defect(u, found), len(u))
 
+    @override
     def vanishing(self, of: OfMatrix, u: Array, p: Array, seen: Any) -> Vanishing:
         """Return a function of the monodromy matrix, with slopes in reverse.
 
@@ -92,15 +95,16 @@ class CollocationProblem(AbstractPeriodicProblem):
 
         return Vanishing(*jax.value_and_grad(value, argnums=(0, 1))(u, p))
 
+    @override
     def monitored(self, which: int, u: Array, p: Array, seen: Any) -> Vanishing:
-        """Return a monitor, which is a function of the nodes alone."""
         value, by_nodes = jax.value_and_grad(lambda u: self.watch(u)[which])(u)
         return Vanishing(value, (by_nodes, jnp.zeros_like(p)))
 
+    @override
     def find_zero(self, equations: AbstractEquations) -> Zero | None:
-        """Return the zero near the guess, found by one program; None if there is none."""
         return zero_of(_find_zero(equations))
 
+    @override
     def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
         """Return the matrix that the variational equations give, in as many steps as it needs."""
         found = _multipliers(self, u, jnp.asarray(p), STEPS)
@@ -110,23 +114,24 @@ class CollocationProblem(AbstractPeriodicProblem):
             found = _multipliers(self, u, jnp.asarray(p), steps)
         return np.asarray(found.monodromy)
 
+    @override
     def turns(self, u: Any, seen: Any) -> int:
-        """Return after how many turns the nodes repeat already."""
         by_turn, period = np.asarray(u).reshape(self.period, -1), self.period
         shorter = (turns for turns in range(1, period + 1) if period % turns == 0)
         apart = lambda turns: np.max(np.abs(by_turn - np.roll(by_turn, turns, axis=0)))  # noqa: E731
         return next(turns for turns in shorter if apart(turns) < ALIKE)
 
+    @override
     def monitors(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, " watched"]:
-        """Return what `watch` makes of the nodes."""
         return np.asarray(self.watch(u))
 
+    @override
     def over(self, turns: int, u: np.ndarray) -> tuple["CollocationProblem", np.ndarray]:
-        """Return the problem of so many turns, and the nodes repeated or cut."""
         family = eqx.Partial(_over, family=self.family, share=turns / self.period)
         nodes = np.resize(u, (len(u) * turns // self.period, *u.shape[1:]))
         return dataclasses.replace(self, family=family, period=turns), nodes
 
+    @override
     def resolved(
         self, u: np.ndarray, finer: bool
     ) -> tuple["CollocationProblem", np.ndarray] | None:
@@ -139,8 +144,8 @@ class CollocationProblem(AbstractPeriodicProblem):
         count = 2 * len(u) if finer else len(u) // (4 * self.period) * 2 * self.period
         return self, np.asarray(resample(jnp.asarray(u), count))
 
+    @override
     def weight(self, size: int) -> float:
-        """Return the weight of a mean square."""
         return 1 / size
 
 

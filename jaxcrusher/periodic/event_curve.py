@@ -13,6 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
+from typing_extensions import override
 
 from jaxcrusher.periodic.branch import Branch, Point
 from jaxcrusher.periodic.events import CROSSING, FOLD, PAIR, ZERO_OF, Special, zeros
@@ -60,11 +61,9 @@ class EventCurve(AbstractPeriodicProblem):
         size = int(np.prod(self.shape))
         return self.scale * np.sqrt(self.base.weight(size))
 
+    @override
     def linearised(self, u: Any, p: Any) -> Linearised:
-        """Return the residual with its derivatives by u and by p.
-
-        The residual is that of the orbit's equations and, last, what vanishes at the event.
-        """
+        """Return the orbit's equations, linearised, and last what vanishes at the event."""
         x, both = self.split(u, p)
         at = self.base.linearised(x, both)
         value, (by_x, by_both) = self._event(x, both, at.seen)
@@ -78,6 +77,7 @@ class EventCurve(AbstractPeriodicProblem):
             at.seen,
         )
 
+    @override
     def left_out(self, u: Any, p: Any) -> Array:
         """Return the defect of the orbit's equations; the event's defect is not known."""
         return jnp.append(jnp.ravel(self.base.left_out(*self.split(u, p))), 0.0)
@@ -89,26 +89,29 @@ class EventCurve(AbstractPeriodicProblem):
         of = ZERO_OF[CROSSING if self.kind == FOLD else self.kind]
         return self.base.vanishing(of, x, both, seen)
 
+    @override
     def find_zero(self, equations: AbstractEquations) -> Zero | None:
-        """Return the zero near the guess, None if there is none."""
         return self.base.find_zero(equations)
 
+    @override
     def monodromy(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, "n n"]:
-        """Return the monodromy matrix of the orbit."""
         return self.base.monodromy(*self.split(u, p), seen)
 
+    @override
     def vanishing(self, of: OfMatrix, u: Array, p: Any, seen: Any) -> Vanishing:
         """Return a function of the monodromy matrix, with slopes by the orbit's own numbers."""
         return self.base.vanishing(of, *self.split(u, p), seen)
 
+    @override
     def monitored(self, which: int, u: Array, p: Any, seen: Any) -> Vanishing:
         """Return a monitor of the orbit, with slopes by the orbit's own numbers."""
         return self.base.monitored(which, *self.split(u, p), seen)
 
+    @override
     def turns(self, u: Any, seen: Any) -> int:
-        """Return after how many turns the orbit repeats already."""
         return self.base.turns(u[:-1].reshape(self.shape), seen)
 
+    @override
     def monitors(self, u: Array, p: Any, seen: Any) -> Float[np.ndarray, " n"]:
         """Return what has to be > 0, in the order of `watched`.
 
@@ -128,15 +131,17 @@ class EventCurve(AbstractPeriodicProblem):
             found += [depth for kind, depth in depths.items() if kind in self.watched]
         return np.array([*map(float, found)])
 
+    @override
     def over(self, turns: int, u: np.ndarray) -> tuple[AbstractPeriodicProblem, np.ndarray]:
         """Return the orbits' problem of so many turns, and the unknowns of one."""
         return self.base.over(turns, u[:-1].reshape(self.shape))
 
+    @override
     def resolved(self, u: np.ndarray, finer: bool) -> None:
         """Return None: finer equations would each take a minute to compile."""
 
+    @override
     def weight(self, size: int) -> float:
-        """Return the weight of the orbit's unknowns."""
         return self.base.weight(size - 1)
 
 

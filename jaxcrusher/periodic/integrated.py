@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.integrate import (
     Carried,
@@ -37,10 +38,10 @@ class IntegratedSystem(AbstractFlow):
     watch: Watch = eqx.field(static=True, default=nothing)
 
     @eqx.filter_jit
+    @override
     def slices(
         self, p: Float[Array, " n"], states: Float[Array, "slices twodims"], rtol: Scalar
     ) -> tuple[Array, Array, Array]:
-        """Return where each slice of a turn leads from its state, with slopes by state and p."""
         count, dims = states.shape
 
         def one(begin: tuple[Scalar, Array]) -> tuple[Array, Array]:
@@ -55,10 +56,10 @@ class IntegratedSystem(AbstractFlow):
         derivatives, ends = jax.lax.map(one, (jnp.arange(count) / count, states))
         return ends, derivatives[:, :, :dims], derivatives[:, :, dims:]
 
+    @override
     def monitors(
         self, p: Float[Array, " n"], state: Float[np.ndarray, " twodims"], turns: int
     ) -> Float[np.ndarray, " watched"]:
-        """Return what `watch` makes of the motion over so many turns from a state."""
         path, at = [], jnp.asarray(state)
         for _ in range(turns):
             seen, at = _turn(self, p, at)

@@ -13,6 +13,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
+from typing_extensions import override
 
 from jaxcrusher.periodic.newton import Root
 
@@ -161,8 +162,8 @@ class Bordered(AbstractEquations):
     scale: Array | np.ndarray
     shape: tuple[int, ...] = eqx.field(static=True)
 
+    @override
     def residual_and_jacobian(self, both: Any) -> tuple[Array, Array, Any]:
-        """Return the residual, its Jacobian, and what else the evaluation told."""
         residual, rows, seen = residual_and_jacobian_by_both(
             self.problem, both, self.scale, self.shape
         )

@@ -11,6 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Scalar
+from typing_extensions import override
 
 from jaxcrusher.periodic.newton import advanced, first_iterate
 from jaxcrusher.periodic.problem import (
@@ -115,11 +116,9 @@ class ShootingProblem(AbstractPeriodicProblem):
                 states[(k + 1) % self.slices] = ends[k]
         return np.concatenate(found)
 
+    @override
     def linearised(self, u: Float[ArrayLike, " n"], p: Any) -> Linearised:
-        """Return the residual with its derivatives by u and by p, and the turns.
-
-        The residual is how far each slice ends from where the next one begins.
-        """
+        """Linearise how far each slice ends from where the next one begins; `Turns` are seen."""
         states = self.states(u)
         count, dims = states.shape
         ends, jacobians, forcing = self._slices(states, p)
@@ -139,12 +138,13 @@ class ShootingProblem(AbstractPeriodicProblem):
         parts = [self.flow.slices(point, jnp.asarray(one), rtol) for one in turns]
         return tuple(np.concatenate(part) for part in zip(*parts, strict=True))
 
+    @override
     def left_out(self, u: Any, p: Any) -> np.ndarray:
         """Return zeros: the integrator's tolerance is far below a step along a branch."""
         return np.zeros(np.shape(u))
 
+    @override
     def find_zero(self, equations: AbstractEquations) -> Zero | None:
-        """Return the zero near the guess, None if there is none."""
         limits = CLOSURE, MOST_CORRECTIONS, NOISE, LEAST_SHARE
         now = first_iterate(jnp.asarray(equations.guess))
         for _ in range(MOST_CORRECTIONS):
@@ -154,10 +154,11 @@ class ShootingProblem(AbstractPeriodicProblem):
                 return zero_of(now, seen)
         return None
 
+    @override
     def monodromy(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, "dims dims"]:
-        """Return the monodromy matrix."""
         return seen.matrix
 
+    @override
     def vanishing(self, of: OfMatrix, u: Any, p: Any, seen: Turns) -> Vanishing:
         """Return a function of the monodromy matrix, with slopes by one-sided differences.
 
@@ -182,6 +183,7 @@ class ShootingProblem(AbstractPeriodicProblem):
             by_p.append(grown(_products(moved)[-1]))
         return Vanishing(value, (by_states.ravel(), np.array(by_p) / sizes))
 
+    @override
     def monitored(self, which: int, u: Any, p: Any, seen: Turns) -> Vanishing:
         """Return a monitor, with slopes by one-sided differences."""
         states, p = self.states(u), np.ravel(p)
@@ -199,25 +201,26 @@ class ShootingProblem(AbstractPeriodicProblem):
         by_states[0] = by_section
         return Vanishing(value, (by_states.ravel(), by_p))
 
+    @override
     def turns(self, u: Any, seen: Turns) -> int:
-        """Return after how many turns an orbit repeats already."""
         apart = np.max(np.abs(seen.ends - seen.ends[-1]), axis=1)
         return 1 + int(np.argmax(apart < ALIKE))
 
+    @override
     def monitors(self, u: Any, p: Any, seen: Turns) -> Float[np.ndarray, " watched"]:
-        """Return the flow's monitors of the motion from the first state on."""
         return self.flow.monitors(jnp.asarray(p).reshape(-1), self.states(u)[0], self.period)
 
+    @override
     def over(self, turns: int, u: np.ndarray) -> tuple["ShootingProblem", np.ndarray]:
-        """Return the problem of so many turns, and the states repeated or cut."""
         return dataclasses.replace(self, period=turns), np.resize(u, u.size * turns // self.period)
 
+    @override
     def resolved(self, u: np.ndarray, finer: bool) -> tuple["ShootingProblem", np.ndarray] | None:
         """Return the same states; coarser equations have a tolerance 100 times as large."""
         return None if finer else (dataclasses.replace(self, rtol=COARSER * self.rtol), u)
 
+    @override
     def weight(self, size: int) -> float:
-        """Return the weight of a mean over slices."""
         return 1 / (self.period * self.slices)
 
 

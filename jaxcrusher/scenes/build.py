@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.lax import stop_gradient
 from jaxtyping import ArrayLike, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import (
     concrete,
@@ -525,6 +526,7 @@ def ideal_scene(speed: ArrayLike, **values: Value) -> Scene:
 class Crusher(AbstractStructure):
     """A single-toggle jaw crusher: what is not given of it is the paper's."""
 
+    @override
     def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values with the paper's in the place of missing ones.
 
@@ -533,17 +535,17 @@ class Crusher(AbstractStructure):
         check_description(values)
         return complete(values)
 
+    @override
     def scene(self, values: Mapping[str, Any]) -> Scene:
-        """Return `build_scene` of the values, with its errors."""
         return build_scene(values)
 
+    @override
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
-        """Return the numbers of `jaxcrusher.scenes.parameters`, and of your own laws."""
         laws = law_numbers(values)
         return {**NUMBERS, **laws} if laws else NUMBERS
 
+    @override
     def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
-        """Return the choices of `jaxcrusher.scenes.parameters`."""
         return CHOICES
 
     def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -556,15 +558,17 @@ class Crusher(AbstractStructure):
         left = throws if throws & over.keys() else ()
         return by_stroke({n: v for n, v in given.items() if n not in left} | dict(over))
 
+    @override
     def unusual(self, values: Mapping[str, Any]) -> list[str]:
         """Return `remarks`; ValueError as there, and for an impossible chamber."""
         build_chamber(values)
         return remarks(values)
 
+    @override
     def borrowed(self, given: Mapping[str, Any]) -> list[str]:
-        """Return which numbers of a machine are the PE250x400's."""
         return borrowed(given)
 
+    @override
     def left_open(self, machine: Machine) -> list[str]:
         """Return which numbers a file leaves to the PE250x400, and whether its load is chosen."""
         names, told = borrowed(machine.given), []
@@ -578,6 +582,7 @@ class Crusher(AbstractStructure):
             )
         return told
 
+    @override
     def about(self, machine: Machine) -> dict[str, str]:
         """Return stroke and capacity, loads, masses and foundation, and what is assumed."""
         values, given = machine.values, machine.given
@@ -599,12 +604,14 @@ class Crusher(AbstractStructure):
             "assumed": told(*assumed) or "nothing",
         }
 
+    @override
     def idle(self, values: Mapping[str, Any]) -> set[str]:
         """Return names that only the load sheet and the capacity need; a bed needs the chamber."""
         rock = "chamber" in np.atleast_1d(values.get("load_law", ""))
         points = {name for name in values if name.startswith(POINTS)}
         return {*SITE, *(() if rock else CHAMBER), *points}
 
+    @override
     def beside(
         self, fixed: Mapping[str, Any], varied: Mapping[str, tuple[Any, ...]]
     ) -> dict[str, Any]:

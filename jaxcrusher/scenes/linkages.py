@@ -46,6 +46,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import is_concrete, renamed, require, require_choice
 from jaxcrusher.basics.plane import Arm, Vector
@@ -248,6 +249,7 @@ class LinkageStructure(AbstractStructure):
     points: tuple[tuple[str, str], ...]
     sides: tuple[int, ...]
 
+    @override
     def scene(self, values: Mapping[str, Any]) -> Scene:
         """Return the scene of these numbers, which may be traced.
 
@@ -302,6 +304,7 @@ class LinkageStructure(AbstractStructure):
             found |= {f"assembly.{triad.middle}.{word}": key for word, key in _GUESS.items()}
         return found
 
+    @override
     def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return numbers and choices, with the defaults of those that others bring along.
 
@@ -332,13 +335,14 @@ class LinkageStructure(AbstractStructure):
         ]
         return within_limits(values, numbers, pairs)
 
+    @override
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
         """Return the numbers of its tables, and of your own laws that the values name."""
         own = {n: key.of for n, key in self.keys.items() if isinstance(key.of, Parameter)}
         return own | law_numbers(values, self.keys)
 
+    @override
     def choices(self, values: Mapping[str, Any]) -> Mapping[str, tuple[str, ...]]:
-        """Return the choices of the motion, and of loose joints."""
         return {n: key.of for n, key in self.keys.items() if isinstance(key.of, tuple)}
 
     def merged(self, given: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -349,17 +353,20 @@ class LinkageStructure(AbstractStructure):
         both, places = {**given, **over}, {n for n, key in self.keys.items() if key.shape}
         return {name: value for name, value in both.items() if value != 0 or name not in places}
 
+    @override
     def unusual(self, values: Mapping[str, Any]) -> list[str]:
         """Return unlikely numbers of the frame, of gravity and of loose joints."""
         rules = [rule for name, *_ in self.joints for rule in rules_of_joint(f"joints.{name}.")]
         return remarks_by((*RULES_OF_FRAME, *rules), self.complete(values), self.numbers(values))
 
+    @override
     def left_open(self, machine: Machine) -> list[str]:
         """Return which numbers and sides the file leaves to defaults."""
         values = machine.values
         told = [f"{n} {said(n, values.get(n, 1), machine.units)}" for n in machine.defaults]
         return [f"leaves {len(told)} numbers to defaults: {', '.join(told)}."] if told else []
 
+    @override
     def about(self, machine: Machine) -> dict[str, str]:
         """Return its masses and its foundation, and what is left to defaults."""
         masses = {name: machine.values[name] for name in (f"bodies.{n}.mass" for n in self.bodies)}
@@ -371,8 +378,8 @@ class LinkageStructure(AbstractStructure):
         }
 
     @property
+    @override
     def record(self) -> dict[str, str]:
-        """Return the drawing in words."""
         return {"drawing": repr(self)}
 
     def linkage(self, values: Mapping[str, Any]) -> Linkage:

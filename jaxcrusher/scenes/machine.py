@@ -10,6 +10,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import require, require_known
 from jaxcrusher.files.results import tell
@@ -99,14 +100,16 @@ class OwnFunction(AbstractStructure):
         """Return the name of the function, or of its class."""
         return getattr(self.function, "__qualname__", type(self.function).__qualname__)
 
+    @override
     def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return the values: the function alone knows what it needs."""
         return dict(values)
 
+    @override
     def scene(self, values: Mapping[str, Any]) -> Scene:
-        """Return what the function makes of the values."""
         return self.function(**values)
 
+    @override
     def numbers(self, values: Mapping[str, Any]) -> Mapping[str, Parameter]:
         """Return the numbers of the package that have these names."""
         return {name: NUMBERS[name] for name in values if name in NUMBERS}
@@ -177,6 +180,7 @@ class Machine(Summarised):
         drawn = {n: DRAWN_IN.get(of, (1.0, of))[1] for n, of in own.items() if of != "1"}
         return drawn | self.written
 
+    @override
     def _summary(self) -> Summary:
         known, given = self.numbers, len(self.given)
         named = {**self.given, **self.values}  # what was given stands first
@@ -190,6 +194,7 @@ class Machine(Summarised):
         title = f"Machine, a {type(self.structure).__name__}: {given} numbers and choices given"
         return Summary(f"{title}, {len(named) - given} by default", rows)
 
+    @override
     def _picture(self) -> str:
         return self.scene()._picture()
 

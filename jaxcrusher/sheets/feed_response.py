@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.stats import norm as gauss
 from jaxtyping import Array, Float, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import nan_unless, primal, require, require_kind, require_own_process
 from jaxcrusher.basics.loops import one_by_one
@@ -56,6 +57,7 @@ class FeedResponse(Summarised, eqx.Module):
         """Return the chance that a turn loses contact, as if losses came independently."""
         return -jnp.expm1(-self.losses)
 
+    @override
     def _summary(self) -> Summary:
         known = bool(np.all(np.isfinite(self.rms)))
         none = "FAILED: the orbit is not stable, or loses contact under the mean load"
@@ -74,6 +76,7 @@ class FeedResponse(Summarised, eqx.Module):
             ],
         )
 
+    @override
     def _picture(self) -> str:
         return svg.curve(self.angle, self.force, "standard deviation of the force by angle")
 

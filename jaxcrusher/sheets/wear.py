@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Scalar
+from typing_extensions import override
 
 from jaxcrusher.basics.checks import require, require_positive, require_whole
 from jaxcrusher.files import svg
@@ -63,6 +64,7 @@ class Wear(Summarised, eqx.Module):
         """Return by how much the clearance grows, m/s: by the mean depths of both."""
         return jnp.mean(self.bore) + jnp.mean(self.pin)
 
+    @override
     def __str__(self) -> str:
         """Say in mm how deep the worst sectors are after 1000 h (concrete values only)."""
         lines = []
@@ -72,9 +74,11 @@ class Wear(Summarised, eqx.Module):
             lines.append(f"{name}: {worst:.3g} mm in 1000 h at {at:.0f} deg, {mean:.3g} mm in mean")
         return "\n".join(lines)
 
+    @override
     def _summary(self) -> Summary:
         return Summary("Wear of a joint, by sector", (), str(self).splitlines())
 
+    @override
     def _picture(self) -> str:
         return svg.curve(self.angle, self.bore, "wear of the bore by angle")
 

@@ -68,7 +68,9 @@ def test_one_program_serves_the_pins_at_rest_and_a_guess(orbit, caplog):
     begun = jc.periodic_orbit(orbit.scene, nodes=96)
     with jax.log_compiles():
         jc.periodic_orbit(orbit.scene, nodes=96, guess=begun)
-    assert not any("orbit_nodes" in line for line in caplog.messages if line.startswith("Compiling"))
+    assert not any(
+        "orbit_nodes" in line for line in caplog.messages if line.startswith("Compiling")
+    )
 
 
 def test_more_nodes_compile_newtons_method_alone(orbit, caplog):

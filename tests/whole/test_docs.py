@@ -92,6 +92,13 @@ def test_every_module_is_documented(documented):
 
 
 @pytest.mark.slow
+def test_an_override_has_the_text_of_what_it_overrides(site):
+    page = (site / "api/joint.html").read_text()
+    text = page.partition('id="jaxcrusher.joint.friction.Stribeck.force"')[2]
+    assert "whose slip is counted positive" in text.partition("Source code")[0]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "page",
     [
