@@ -1,7 +1,6 @@
 """The answer of a search. Fields of a stage that has not run are None or empty.
 
-Numbers are in SI units, objectives in their own. `optimize.tell.result` makes result.json of the
-answer.
+Numbers are in SI units, objectives in their own. `optimize.tell.result` makes result.json.
 """
 
 from collections.abc import Mapping

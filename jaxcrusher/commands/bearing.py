@@ -184,7 +184,7 @@ def aged(
 
 
 def changes(run: Turns, joint: str, wear: Archard) -> list[str]:
-    """Say after how many hours wear doubles each clearance, and how sure the coefficient is."""
+    """Say after how many hours wear doubles each clearance, and how uncertain this is."""
     lines = []
     for one, numbers in bearing_sheet(run, joint, wear).items():
         if "wear" in numbers:

@@ -127,7 +127,7 @@ def _crushing(problem: Problem, scene: Scene, unit: np.ndarray) -> Crushing | No
     return Crushing(*(float(one) for one in (*sizes, *_strokes(scene.linkage))))
 
 
-@jax.jit  # one program in place of a hundred
+@jax.jit  # one program replaces a hundred
 def _strokes(linkage: Linkage) -> tuple[Scalar, Scalar]:
     return stroke(linkage), stroke_ratio(linkage)
 

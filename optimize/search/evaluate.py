@@ -74,9 +74,8 @@ def evaluate(
 
     `shifts` move the starts, in clearances. `chunk` is the number of motions between two reports of
     progress; a GPU takes more. Rows have the shape (starts, points): the columns of
-    `jaxcrusher.sweep`, `objective` in its unit, the number of `steps`, and `counts`, whether the
-    design may be chosen (see `constraints.of_runs`). The final `state`, (starts, points, dims), can
-    start a further run.
+    `jaxcrusher.sweep`, `objective` in its unit, the number of `steps`, `counts` (whether the design
+    may be chosen, see `constraints.of_runs`), and the final `state`, (starts, points, dims).
     """
     moves = np.zeros((len(places), 2)) if shifts is None else shifts
     scenes = stacked_scenes(problem, jnp.asarray(places), jnp.asarray(moves))

@@ -89,7 +89,7 @@ def _inside(best: Confirmed, problem: Problem) -> bool:
 
 
 def _limits(best: Confirmed, problem: Problem) -> tuple[Check, ...]:
-    """Check the limits on all motions of the optimum, and the contact model on coexisting orbits."""
+    """Check limits on all motions of the optimum, and the contact model on coexisting orbits."""
     checked = []
     if problem.inside_model and best.coexisting:
         inside = [bool(one.solution.validity.inside) for one in best.coexisting]
