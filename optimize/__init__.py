@@ -1,1 +1,1 @@
-"""The design search: driving speed and clearance that shake the foundation least."""
+"""The design search: parameters of a machine that shake its foundation least."""

@@ -1,4 +1,4 @@
-"""The whole search, from the options to what it leaves behind."""
+"""The whole search, from the options to the files of results."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
     import distributed
 
 WRITTEN = ("result.json", "report.html", "orbits.nc", "landscape.nc", "*.svg")
-# Finished chunks of a search that is not finished.
+# The folder of finished chunks of an unfinished search.
 CHUNKS = "chunks"
 
 
 def design_search(options: Options, console: Console) -> Answer:
-    """Search, and write result.json, maps, figures and page; what there is, if interrupted.
+    """Search, and write result.json, maps, figures and page; partial results if interrupted.
 
-    A search that was interrupted, or had no more `seconds`, goes on from its finished chunks. A box
-    of which no design may be chosen is an answer too: it says why. The status is "finished" only
-    after page and figures are written.
+    An interrupted search, or a search whose `seconds` are over, continues from its finished chunks
+    later. If no design of the box may be chosen, the answer says why. The status is "finished" only
+    after page and figures are written. Raises ValueError as `resolve` does.
     """
     problem = resolve(options)
     tell(problem, options.scene)
@@ -52,7 +52,7 @@ def _answered(
     scheduler: "distributed.Client | None",
     console: Console,
 ) -> Answer:
-    """Search with the workers of a scheduler, or here."""
+    """Search with the workers of a scheduler, or in this process without a scheduler."""
     folder = begin(options.folder, problem.settings, *WRITTEN)
     journal = Journal(folder / CHUNKS, Path(__file__).parent)
     answer = Answer(problem, command(), versions("scipy"))
@@ -65,7 +65,7 @@ def _answered(
                     answer = replace(answer, status=f"interrupted: {left} are missing")
                     answer = stage(answer, work)
             answer = judge(replace(answer, status="interrupted: checks are missing"))
-            from optimize.tell import figures  # imported while programs were compiled
+            from optimize.tell import figures  # already imported during compilation
 
             drawn, omitted = figures.draw_all(folder, answer)
             write_page(folder, replace(answer, status="finished"), drawn, omitted)
@@ -90,7 +90,7 @@ def _answered(
 
 @contextmanager
 def _for_seconds(seconds: float | None, stop: Event) -> Iterator[None]:
-    """Set `stop` when the seconds are over; never with None."""
+    """Set `stop` after so many seconds; None means never."""
     if seconds is None:
         yield
         return

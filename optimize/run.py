@@ -9,9 +9,9 @@ from optimize.ask.options import Options
 
 
 def search(options: Annotated[Options, tyro.conf.arg(name="search")]) -> None:
-    """Find the design of a jaw crusher that shakes its foundation least, inside a box: by default
-    the driving speed and bearing clearance of a PE250x400, and the RMS of |R_O| + |R_C|. With
-    --scene and --design it searches any linkage with a loose joint.
+    """Find the design of a jaw crusher that shakes its foundation least, within bounds. By default
+    the driving speed and bearing clearance of a PE250x400 are free, and the objective is the RMS of
+    |R_O| + |R_C|. --scene and --design search any linkage with a loose joint.
     """  # noqa: D205
     from rich.console import Console
 

@@ -1,1 +1,1 @@
-"""The jobs of `python -m jaxcrusher`, one module a command."""
+"""The commands of `python -m jaxcrusher`, one module for each command."""

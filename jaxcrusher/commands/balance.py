@@ -1,4 +1,4 @@
-"""`python -m jaxcrusher balance`: the counterweight that leaves the least of the first order."""
+"""`python -m jaxcrusher balance`: the counterweight that makes the first order smallest."""
 
 import cmath
 import math
@@ -28,11 +28,11 @@ from jaxcrusher.sheets.balance import Balance, Ellipse, balance_of, with_moment
 FILES = "balance.json", "balance.png"
 MASS, RADIUS, ANGLE = (f"counterweight.{name}" for name in ("mass", "radius", "angle"))
 SIDES = "horizontal", "vertical"
-STEPS = 720  # of the picture, a turn
+STEPS = 720  # points of the picture in one turn
 
 
 def run(options: Options, console: Console) -> int:
-    """Balance, confirm, print, write; 1 if an orbit is not found. ValueError for bad options."""
+    """Balance, confirm, print and write. Return 1 without an orbit; ValueError for bad options."""
     found = read_machine(options.crusher)
     scene, own = found.scene(), present(found)
     radius = reach(found, scene) if options.radius is None else _radius(options.radius)
@@ -66,14 +66,14 @@ def run(options: Options, console: Console) -> int:
 
 
 def _radius(text: str) -> float:
-    """Return the radius of the command line, m."""
+    """Return the radius (m) that the command line gives; ValueError unless it is positive."""
     radius = quantity_in("m", "radius", text)
     require_positive("radius", radius, "m")
     return radius
 
 
 def present(machine: Machine) -> complex:
-    """Return the first moment (kg m) of the counterweight that a machine has, about O."""
+    """Return the first moment (kg m) about O of the machine's counterweight, zero without one."""
     if MASS not in machine.numbers:
         return 0j
     mass, radius, angle = (machine.number(name) for name in (MASS, RADIUS, ANGLE))
@@ -81,7 +81,7 @@ def present(machine: Machine) -> complex:
 
 
 def reach(machine: Machine, scene: Scene) -> float:
-    """Return the radius (m) where a counterweight goes that nothing is said of."""
+    """Return the default radius (m): the machine's own one, or the farthest joint of the crank."""
     if RADIUS in machine.numbers:
         return machine.number(RADIUS)
     linkage = scene.linkage
@@ -96,7 +96,7 @@ def reach(machine: Machine, scene: Scene) -> float:
 
 
 def balanced(machine: Machine, scene: Scene, moment: complex, radius: float) -> Scene:
-    """Return the scene whose counterweight has this first moment (kg m) at a radius (m)."""
+    """Return the scene whose counterweight has this first moment (kg m) at this radius (m)."""
     if MASS not in machine.numbers:
         return with_moment(scene, moment, radius)
     numbers = {MASS: abs(moment) / radius, RADIUS: radius, ANGLE: cmath.phase(moment)}
@@ -104,7 +104,7 @@ def balanced(machine: Machine, scene: Scene, moment: complex, radius: float) -> 
 
 
 def weights(moments: list[complex], balance: Balance, radius: float) -> list[dict[str, Any]]:
-    """Return each counterweight, and what it leaves of the first order, in SI units."""
+    """Return each counterweight and the remaining first order, in SI units."""
     found = []
     for (way, added), moment in zip(balance.moments.items(), moments, strict=True):
         size, left = abs(moment), balance.with_moment(added).sides
@@ -116,7 +116,7 @@ def weights(moments: list[complex], balance: Balance, radius: float) -> list[dic
 def compared(
     balance: Balance, heavier: Scene, orbits: dict[str, PeriodicOrbit]
 ) -> dict[str, dict[str, float]]:
-    """Return forces (N) without and with the counterweight, of ideal joints and of the orbits."""
+    """Compare forces (N) without and with the counterweight, for ideal joints and for orbits."""
     after = balance_of(heavier)
     pairs = {
         "first order, largest, ideal joints": [balance.first.largest, after.first.largest],
@@ -130,7 +130,7 @@ def compared(
 
 
 def answer(machine: Machine, best: complex, own: complex, radius: float) -> list[str]:
-    """Return the counterweight in words, and as the lines of a scene file."""
+    """Describe the counterweight in a sentence, and as lines of a scene file where it has keys."""
     mass, angle = abs(best) / radius, math.degrees(cmath.phase(best))
     first = (
         f"A counterweight of {quantity(mass, 'kg')} at a radius of {quantity(radius, 'm')} and "
@@ -150,10 +150,10 @@ def answer(machine: Machine, best: complex, own: complex, radius: float) -> list
 
 
 def shown(found: list[dict[str, Any]], before: Ellipse, radius: float) -> Table:
-    """Return the counterweights and what they leave for the screen."""
+    """Return the table of counterweights and of the remaining first order, for the screen."""
     rows: list[tuple[object, ...]] = [("as it is", "", "", "", *before.sides)]
     for one in found:
-        # What cancels is rounding.
+        # A force that cancels is only rounding error.
         left = [one[side] if one[side] > 1e-9 * before.largest else 0.0 for side in SIDES]
         rows.append((one["least"], one["moment"], one["mass"], math.degrees(one["angle"]), *left))
     mass = f"kg at {quantity(radius, 'm')}"

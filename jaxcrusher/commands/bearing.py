@@ -1,4 +1,4 @@
-"""`python -m jaxcrusher bearing`: what the bearings of a machine stand, side by side."""
+"""`python -m jaxcrusher bearing`: loads and life of a machine's bearings, side by side."""
 
 import itertools
 from collections.abc import Iterable, Sequence
@@ -46,7 +46,7 @@ from jaxcrusher.sheets.bearing_sheet import (
 )
 from jaxcrusher.sheets.wear import PUBLISHED, Archard
 
-# Unit -> that of the screen, and how many of it the first is.
+# Unit -> the unit on the screen, and the factor from the first to the second.
 SHOWN = {
     "N": ("kN", 1e-3),
     "Pa": ("GPa", 1e-9),
@@ -62,7 +62,7 @@ ADVICE = (
 
 
 def run(options: Bearing, console: Console) -> int:
-    """Run, print, write; 1 if a run failed. ValueError for bad options."""
+    """Run, print and write. Return 1 if a run failed; ValueError for bad options."""
     require_positive("seconds", options.seconds, "s")
     require_turns(options.settle, options.turns)
     wear, last = _archard(options.wear), 0.0
@@ -84,7 +84,7 @@ def run(options: Bearing, console: Console) -> int:
     folder = begin_beside(options.results.folder, settings, "bearing.csv")
 
     def ended(cases: Sequence[tuple[str, Scene]]) -> dict[int, tuple[str, Turns]]:
-        """Run crushers; say why some fail, and return the others by their place."""
+        """Run machines and print why some fail; return the others by their place in `cases`."""
         how = {"settle": options.settle, "turns": options.turns}
         runs = []
         for title, scene in cases:
@@ -155,7 +155,7 @@ def run(options: Bearing, console: Console) -> int:
 
 
 def _archard(written: tuple[str, str] | None) -> Archard | None:
-    """Return what wears the surfaces, as it is written."""
+    """Return Archard's law as the command line gives it; ValueError for numbers not above 0."""
     if written is None:
         return None
     units = "m2/N", "m"
@@ -173,7 +173,7 @@ def aged(
     first: str,
     wear: Archard | None,
 ) -> dict[str, Any]:
-    """Return a design after some hours as in a run: clearances of sliding joints have grown."""
+    """Return a design after `hours` of the run's wear: clearances of sliding joints have grown."""
     grown = dict(design)
     for joint, numbers in bearing_sheet(run, first, wear).items():
         if "wear" in numbers:
@@ -184,7 +184,7 @@ def aged(
 
 
 def changes(run: Turns, joint: str, wear: Archard) -> list[str]:
-    """Say when clearances have doubled by wear, and what that rests on."""
+    """Say after how many hours wear doubles each clearance, and how uncertain this is."""
     lines = []
     for one, numbers in bearing_sheet(run, joint, wear).items():
         if "wear" in numbers:
@@ -205,7 +205,7 @@ def changes(run: Turns, joint: str, wear: Archard) -> list[str]:
 
 
 def verdicts(kept: xr.Dataset, joint: str, title: str) -> list[str]:
-    """Say of each design whether the bearing of a joint, which is called so, passes a limit."""
+    """Say for each design which limits the bearing of a joint exceeds; `title` names the joint."""
     lines = []
     for design in kept.design.values:
         one = kept.sel(design=design, bearing=joint)
@@ -226,7 +226,7 @@ def verdicts(kept: xr.Dataset, joint: str, title: str) -> list[str]:
 
 
 def clearances(found: list[tuple[str, Turns]], joint: str) -> list[str]:
-    """Say of which class the clearance of rollers at a joint is."""
+    """Say which clearance class a joint's roller bearing has in each design."""
     lines = []
     for title, one in found:
         bearing = one.scene.joints[joint]
@@ -249,7 +249,7 @@ def dataset(
     joint: str,
     wear: Archard | None = None,
 ) -> xr.Dataset:
-    """Return the numbers of each design and bearing, that of a joint first."""
+    """Return the numbers of each design and bearing, the bearing of `joint` first."""
     sheets = [bearing_sheet(one, joint, wear) for _, one in found]
     joints = list(sheets[0])
     arrays = {}
@@ -275,7 +275,7 @@ def dataset(
 def shown(
     numbers: xr.Dataset, title: str, names: Iterable[str] = (*NUMBERS, "shaking_rms")
 ) -> Table:
-    """Return the numbers of one bearing for the screen, a column a design."""
+    """Return the table of one bearing for the screen, with a column for each design."""
     grid = Table("", *map(str, numbers.design.values), title=title, title_justify="left", box=None)
     for name in names:
         if bool(np.isnan(numbers[name]).all()):

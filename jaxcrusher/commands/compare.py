@@ -32,11 +32,11 @@ from jaxcrusher.pictures.plots import STYLE, WIDTH
 from jaxcrusher.scenes.build import build_chamber
 from jaxcrusher.scenes.reader import kind_of, read_bulk_density
 
-# Largest values, which differ from turn to turn where the pin hits its bore.
+# Largest values. They differ from turn to turn where the pin hits its bore.
 PEAKS = ("foundation_peak", "shaking_peak", "joint_peak")
 DRAWN = ("capacity", "shaking_rms", "foundation_peak", "joint_peak", *PER_VOLUME)
 FILES = ("compare.csv", "compare.png")
-# Every number of a machine with its heading and its unit; wear needs friction.
+# Every number of a machine with its heading and its unit. Wear is known only with friction.
 QUANTITIES = {
     "speed": ("speed", "rad/s"),
     "clearance": ("radial clearance", "m"),
@@ -50,18 +50,18 @@ QUANTITIES = {
 
 @dataclass(frozen=True)
 class Compared:
-    """A crusher's `QUANTITIES`, NaN where there is none."""
+    """The `QUANTITIES` of a crusher; an unknown quantity is NaN."""
 
     name: str
     numbers: dict[str, float]
     typical: dict[str, float]  # the median over turns of each peak, where turns differ
-    motion: str  # what they are numbers of
-    model: str  # "inside", or why not
-    borrowed: int = 0  # numbers of the machine that its file leaves to the PE250x400
+    motion: str  # the motion that the numbers describe
+    model: str  # "inside" the contact model, or why it is outside
+    borrowed: int = 0  # how many numbers its file leaves to the PE250x400
 
 
 def run(options: Compare, console: Console) -> int:
-    """Compute, print, write and draw; ValueError for bad options and files."""
+    """Compute, print, write and draw. Raises ValueError for bad options and files."""
     require(len(options.scenes) > 0, "scenes", "name at least one file", "none")
     titles = [path.stem for path in options.scenes]
     require(len(set(titles)) == len(titles), "scenes", "have names of their own", titles)
@@ -92,7 +92,7 @@ def run(options: Compare, console: Console) -> int:
 
 
 def compared(name: str, machine: jc.Machine, settle: int, turns: int) -> Compared:
-    """Return the numbers of a crusher on its stable orbit, or over `turns` turns after `settle`."""
+    """Return a crusher's numbers on its stable orbit, or over `turns` turns after `settle`."""
     chamber, scene = build_chamber(machine.values), machine.scene()
     left = len(machine.structure.borrowed(machine.given))
     main = scene.joints["main"]
@@ -131,7 +131,7 @@ def compared(name: str, machine: jc.Machine, settle: int, turns: int) -> Compare
 
 
 def csv_row(one: Compared) -> dict[str, object]:
-    """Return the row of a machine, with units in the headings."""
+    """Return the row of a machine for the CSV file; headings contain the units."""
     return {
         "machine": one.name,
         **{f"{name}, {unit}": one.numbers[name] for name, (_, unit) in QUANTITIES.items()},
@@ -142,7 +142,7 @@ def csv_row(one: Compared) -> dict[str, object]:
 
 
 def table_rows(found: Sequence[Compared], density: float | None) -> list[tuple[str, ...]]:
-    """Return a heading and a cell of each machine, number by number."""
+    """Return a row for each number: its heading, and a cell for each machine."""
 
     def row(heading: str, unit: str, values: Iterable[float]) -> tuple[str, ...]:
         return heading, *(quantity(value, unit) for value in values)
@@ -166,7 +166,7 @@ def table_rows(found: Sequence[Compared], density: float | None) -> list[tuple[s
 
 
 def draw(found: Sequence[Compared]) -> Figure:
-    """Draw bars of each number that a machine has; one outside the contact model is hatched."""
+    """Draw bars of the known numbers; machines outside the contact model are hatched."""
     fig, grid = plt.subplots(2, 3, figsize=(WIDTH, 5), layout="constrained")
     titles = [one.name for one in found]
     drawn = [name for name in DRAWN if not all(math.isnan(one.numbers[name]) for one in found)]

@@ -1,4 +1,4 @@
-"""`python -m jaxcrusher film`: a motion as a film and as a page that plays offline."""
+"""`python -m jaxcrusher film`: a motion as a film, and as a page that plays it offline."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -27,18 +27,18 @@ from jaxcrusher.pictures.frames import pictures_of, write_film
 from jaxcrusher.pictures.mechanism import drawn_of
 from jaxcrusher.scenes.units import said
 
-# Instants a turn of the force and of paths: impacts last some thousandths of a turn.
+# Instants of the force and of paths in a turn. Impacts last some thousandths of a turn.
 INSTANTS = 4000
-# More pictures make a page that is larger than 10 MB.
+# With more pictures the page would exceed 10 MB.
 MOST = 150
 SPEED, DPI = 20, 140  # pictures a second; dots an inch
-RTOL = 1e-9  # of a run
+RTOL = 1e-9  # tolerance of a run
 FILES = ("film.html", "film.gif", "film.mp4", "film.png")
 NO_FFMPEG = "film.mp4 is not written: it needs ffmpeg, which is not installed."
 
 
 class Motion(NamedTuple):
-    """A motion to be filmed: what it is, and the force with ideal joints (None: not known)."""
+    """A motion to be filmed: its name, and the force with ideal joints (None if not known)."""
 
     kind: str
     trajectory: Trajectory
@@ -46,7 +46,7 @@ class Motion(NamedTuple):
 
 
 def run(options: Options, console: Console) -> int:
-    """Compute, draw, write; 1 if the integration failed. ValueError for bad options."""
+    """Compute, draw and write. Return 1 if the run failed; ValueError for bad options."""
     found = read_machine(options.crusher)
     scene = found.scene()
     for name, least in {"period": 1, "settle": 0, "turns": 1, "frames": 2}.items():
@@ -75,14 +75,14 @@ def run(options: Options, console: Console) -> int:
 
 
 def shown_force(scene: Scene) -> str:
-    """Return the force that is drawn: what supports carry, or else what pictures show."""
+    """Return the name of the drawn force: the force through supports, or the leading force."""
     on_supports = "transmitted_force" in scene.observables
     return "transmitted_force" if on_supports else headline_force(scene)
 
 
 def _orbit(scene: Scene, options: Options, console: Console) -> PeriodicOrbit | None:
-    """Return the periodic orbit, or None and say why there is none."""
-    # A tracked impact velocity is held at what it comes to.
+    """Return the periodic orbit; or print why there is none, and return None."""
+    # The orbit holds a tracked impact velocity at the value that the motion reaches.
     if (refused := unrepeatable(scene)) and not tracks(scene):
         why = f"the machine must {refused}."
     else:
@@ -102,7 +102,7 @@ def _orbit(scene: Scene, options: Options, console: Console) -> PeriodicOrbit | 
 
 
 def times_of(scene: Scene, first: int, turns: int, frames: int) -> np.ndarray:
-    """Return instants, evenly from one of a picture to the next, and the end of the turns."""
+    """Return evenly spaced instants, the same number between pictures, to the end of the turns."""
     count = frames * -(-INSTANTS * turns // frames)
     return 2 * np.pi / float(scene.drive.speed) * (first + turns * np.arange(count + 1) / count)
 
@@ -112,7 +112,7 @@ def _outputs(scene: Scene, force: str) -> tuple[str, ...]:
 
 
 def _run(scene: Scene, options: Options, force: str) -> Motion:
-    """Return a motion from the scene's start, after some turns."""
+    """Return the motion from the scene's start, after the turns to settle."""
     first, turns = options.settle, options.turns
     times = times_of(scene, first, turns, options.frames)
     seen = jc.simulate(scene, times, outputs=_outputs(scene, force), rtol=RTOL)
@@ -124,7 +124,7 @@ def _run(scene: Scene, options: Options, force: str) -> Motion:
 
 
 def _along(orbit: PeriodicOrbit, options: Options, force: str) -> Motion:
-    """Return the motion along a periodic orbit."""
+    """Return the motion along a periodic orbit over one period."""
     scene = orbit.scene
     times = times_of(scene, 0, orbit.period, options.frames)
     angles = float(scene.drive.speed) * times
@@ -148,7 +148,7 @@ def _film(
     folder: Path,
     console: Console,
 ) -> None:
-    """Draw the pictures and write the files."""
+    """Draw the pictures, and write the film's files."""
     instants = range(
         0, len(motion.trajectory.time) - 1, (len(motion.trajectory.time) - 1) // frames
     )
@@ -172,7 +172,7 @@ def _film(
 
 
 def caption(scene: Scene, motion: Motion) -> str:
-    """Say what the parts of the picture are."""
+    """Return the caption, which explains the parts of the picture."""
     parts = ["Left: the mechanism to scale, with its forces."]
     if not scene.is_ideal:
         parts.append(

@@ -66,17 +66,17 @@ from jaxcrusher.sheets.load_sheet import (
 from jaxcrusher.sheets.natural_modes import amplification
 
 FILES = ("sheet.csv", "sheet.html", "run_up.png", "sketch.png", "sheet.json")
-# RMS -> its name, colour and mark in the picture; of a clamped frame the first alone.
+# RMS -> its name, colour and mark in the picture. A clamped frame has only the first RMS.
 CURVES = {
     "exciting_rms": ("exciting force", "C0", "o"),
     "transmitted_rms": ("force on the ground", "C1", "s"),
 }
-# Column of the sheet -> how many times the soil's shear modulus it has, and its title.
+# Column of the sheet -> the factor on the shear modulus of the soil, and its title.
 SOILS = {"softer": (0.5, "half the modulus"), "stiffer": (1.5, "1.5 times the modulus")}
 
 
 def run(options: Foundation, console: Console) -> int:
-    """Solve, run, print, write; 1 if the loose machine's run failed. ValueError for bad options."""
+    """Solve, run, print and write. Return 1 if the run failed; ValueError for bad options."""
     require_orders(options.orders)
     require_whole("points", options.points, 2)
     require_positive("seconds", options.seconds, "s")
@@ -91,7 +91,7 @@ def run(options: Foundation, console: Console) -> int:
     folder = begin_beside(options.results.folder, settings, *FILES)
 
     def of_ideal_joints(one: Scene) -> list[Row]:
-        """Return the sheet of a scene's quiet orbit with ideal joints; ValueError without one."""
+        """Return the sheet of the orbit of `quiet(one)`. Raises ValueError without an orbit."""
         orbit = jc.periodic_orbit(quiet(one))
         require(bool(orbit.success), "scene", "have an orbit with ideal joints", orbit.failure)
         return sheet(orbit, options.orders, site)
@@ -103,7 +103,7 @@ def run(options: Foundation, console: Console) -> int:
         with stages(console, f"soil of {title}"):
             try:
                 others[column] = of_ideal_joints(soil_times(found, times))
-            except ValueError as error:  # too soft a soil lets the block topple
+            except ValueError as error:  # on soil that is too soft the block topples
                 without.append(f"none with {title}: {error}")
     turns, loose, varied = None, {}, ""
     if not scene.is_ideal:
@@ -174,14 +174,14 @@ def run(options: Foundation, console: Console) -> int:
 
 
 def soil_times(found: Machine, times: float) -> Scene:
-    """Return the scene on soil of so many times the shear modulus; ValueError out of its limits."""
+    """Return the scene with `times` the shear modulus of the soil; ValueError beyond its limits."""
     powers = {f"{SOIL_KEYS}shear_modulus": times, f"{SOIL_KEYS}shear_wave_speed": times**0.5}
     given = {name: found.values[name] * by for name, by in powers.items() if name in found.values}
     return found.scene(**given)
 
 
 def site_of(values: dict[str, Any], options: Foundation) -> Site:
-    """Return what the sheet knows besides the motion; ValueError for what is out of range."""
+    """Return the data of the sheet besides the motion; ValueError for options out of range."""
     low, high = options.resonance
     require(0 < low < high, "resonance", "be two numbers, 0 < LOW < HIGH", options.resonance)
     factor = options.dynamic_factor
@@ -193,7 +193,7 @@ def site_of(values: dict[str, Any], options: Foundation) -> Site:
 
 
 def heading(found: Machine, crusher: Crusher, turns: Turns | None) -> dict[str, str]:
-    """Return what the sheet is of: machine, joints, loads, masses, and what was assumed."""
+    """Return the heading of the sheet: machine, joints, loads, masses and assumptions."""
     name = "PE250x400" if crusher.scene is None else crusher.scene.stem
     changed = ", ".join(f"{key} {value}" for key, value in crusher.overrides)
     speed, scene = all_said({"speed": found.values["speed"]}, found.units), found.scene()
@@ -218,7 +218,7 @@ def heading(found: Machine, crusher: Crusher, turns: Turns | None) -> dict[str, 
 
 
 def ranges(titles: Sequence[str]) -> str:
-    """Say over what the equivalent loads of a machine that knocks have a range."""
+    """Say over which assumptions the equivalent loads have a range, if the joints lose contact."""
     rests = "impacts rest on the edge of the load and on damping, which are assumed"
     over = f"in brackets is the range over {', '.join(titles)}"
     return f"{rests}; {over if titles else 'the scene has no number of either to be varied'}"
@@ -234,25 +234,25 @@ def _speeds(options: Foundation, speed: float) -> tuple[float, float]:
 
 
 def quiet(scene: Scene) -> Scene:
-    """Return the machine with ideal joints, and without what closes inside it.
+    """Return the machine with ideal joints, and without its internal forces and springs.
 
-    Forces and springs push the frame as they push its bodies, whose motion is given: the ground
-    feels none of them.
+    These push the frame as much as the moving bodies. The motion of the bodies is prescribed, so
+    the ground does not feel them.
     """
     return dataclasses.replace(scene.ideal(), pushes=(), springs=())
 
 
 def run_up(scene: Scene, speeds: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the RMS of what shakes over the speed with ideal joints, N.
+    """Return the RMS (N) of the forces in `CURVES` at each speed (rad/s), with ideal joints.
 
-    These have an orbit at every speed, and shake as a quiet motion with clearance does. A frame on
-    supports is excited as one at rest shakes.
+    Ideal joints have an orbit at every speed, and their forces are nearly those of a motion with
+    clearance in steady contact. The exciting force is the shaking force of a frame at rest.
     """
     still, supports = quiet(scene), scene.supports
     held, loads = still, list(CURVES)[:1]
     if supports is not None:
         clamped = Clamped(supports.point)
-        # Nothing moves at the points of a frame at rest.
+        # The points of a frame at rest do not move.
         held = dataclasses.replace(still, foundation=clamped, points=Named())
         loads = list(CURVES)
 
@@ -275,11 +275,11 @@ def draw(
     loose: Mapping[str, np.ndarray],
     path: Path,
 ) -> None:
-    """Draw what shakes over the speed, and the speeds whose harmonics meet a natural frequency.
+    """Draw forces over the speed, and the speeds at which a harmonic meets a natural frequency.
 
-    `curves` (N) are of ideal joints. `loose` has the turns of a run with loose joints at the
-    running speed: their mean and their standard deviation are drawn. A mode that is damped too well
-    to amplify anything has no speed of its own.
+    `curves` (N) are RMS forces with ideal joints. `loose` (N) has the RMS of each turn of a run
+    with loose joints at the running speed: their mean and standard deviation are drawn. Modes that
+    amplify less than `AMPLIFIED` times are left out.
     """
     fig, ax = plt.subplots(figsize=(4.4, 3.2), layout="constrained")
     minutes, running = 30 / np.pi * speeds, 60 * running_frequency(scene)

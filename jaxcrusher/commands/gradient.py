@@ -1,4 +1,4 @@
-"""`python -m jaxcrusher gradient`: slopes of a statistic, and whether to believe them."""
+"""`python -m jaxcrusher gradient`: slopes of a statistic, and whether they can be trusted."""
 
 import dataclasses
 import json
@@ -24,7 +24,7 @@ from jaxcrusher.scenes.units import per, unit_of
 
 
 def run(options: Gradient, console: Console) -> int:
-    """Differentiate, print, write; 1 if the motion failed. ValueError for bad options."""
+    """Differentiate, print and write. Return 1 if the motion failed; ValueError for bad options."""
     found = read_moving(options.crusher)
     scene = found.scene()
     metric = options.metric or scene.headline
@@ -64,7 +64,7 @@ def run(options: Gradient, console: Console) -> int:
 
 
 def _tell(kept: dict[str, Any], path: str, console: Console) -> int:
-    """Print what is kept of a report; the exit status."""
+    """Print the stored report, and return the exit status."""
     console.print(f"{kept['told']}; in SI units: {path}", markup=False)
     return 1 if kept["regime"] == "failed" else 0
 
@@ -81,7 +81,7 @@ def _check(options: Gradient, machine: Machine, by: tuple[str, ...], numbers: li
 
 
 def shown(report: GradientReport, units: dict[str, str]) -> GradientReport:
-    """With slopes by the units that the numbers are given in."""
+    """Return the report with slopes per unit in which each number was given."""
 
     def one(slope: Slope) -> Slope:
         _, factor = unit_of(slope.parameter, units)
@@ -97,7 +97,7 @@ def shown(report: GradientReport, units: dict[str, str]) -> GradientReport:
 
 
 def content(report: GradientReport, of: str, machine: Machine) -> dict[str, Any]:
-    """Return a report of a statistic whose unit is `of` as JSON keeps it."""
+    """Return a report as JSON stores it; `of` is the unit of its statistic."""
     units = {name: f"({of})/({machine.numbers[name].unit})" for name in report.slopes}
     return {
         "metric": report.metric,
@@ -115,9 +115,9 @@ def content(report: GradientReport, of: str, machine: Machine) -> dict[str, Any]
 
 
 def restored(path: Path, settings: dict[str, Any]) -> dict[str, Any] | None:
-    """Return what is kept of the report that the same question got of the same versions, or None.
+    """Return the stored report if settings and environment are the same, else None.
 
-    Raises ValueError for a folder with the answer to another question.
+    Raises ValueError for a folder with a report of other settings.
     """
     asked = earlier(path.with_name(SETTINGS), settings, "name")
     if asked is None or not path.exists():

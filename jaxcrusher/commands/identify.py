@@ -1,4 +1,4 @@
-"""`python -m jaxcrusher identify`: numbers of a machine from its measured vibration."""
+"""`python -m jaxcrusher identify`: a machine's parameters, estimated from measured vibration."""
 
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -25,12 +25,12 @@ from jaxcrusher.scenes.reader import require_continuous
 from jaxcrusher.scenes.units import typed_in
 
 FILES = ("identified.json", "identified.png")
-FURTHER = 3  # experiments that are printed
-COLUMNS, CORNER = 2, 5  # of the picture: in a row, and numbers in the corner plot
+FURTHER = 3  # how many further measurements are printed
+COLUMNS, CORNER = 2, 5  # columns of the picture, and numbers in the corner plot
 
 
 def run(options: Identify, console: Console) -> int:
-    """Solve, print, write. ValueError for bad options, and without an orbit to begin with."""
+    """Solve, print and write. ValueError for bad options, and if the first orbit is missing."""
     machine = read_machine(options.crusher)
     require(len(options.measured) > 0, "measured", "name a file", "missing")
     require(len(options.free) > 0, "free", "name numbers to be found", "missing")
@@ -86,15 +86,15 @@ def run(options: Identify, console: Console) -> int:
 
 
 def amplitudes(found: Identified) -> list[float]:
-    """Return what was fitted: of harmonics the amplitude, and the rest with its sign."""
+    """Return the fitted values: harmonics as amplitudes, others with their sign."""
     pairs = zip(found.measured, found.fitted, strict=True)
     return [abs(fit) if one.is_harmonic else fit.real for one, fit in pairs]
 
 
 def draw(found: Identified, start: Mapping[str, float], units: dict[str, str], path: Path) -> None:
-    """Draw measured and fitted amplitudes by observable, and the corner plot of what is known.
+    """Draw measured and fitted amplitudes by observable, and the corner plot of known numbers.
 
-    `start` has the values that the fit began with. Of many numbers the most correlated are shown.
+    `start` has the initial values of the fit. The plot shows the `CORNER` most correlated numbers.
     """
     shown = list(
         dict.fromkeys(found.problem.quantities.observable(one.quantity) for one in found.measured)
@@ -122,7 +122,7 @@ def draw(found: Identified, start: Mapping[str, float], units: dict[str, str], p
 
 
 def _draw_harmonics(ax: Axes, found: Identified, name: str) -> None:
-    """Draw what was measured of an observable, with two sigmas, and what was fitted, as crosses."""
+    """Draw an observable: measurements with bars of two sigmas, and fitted values as crosses."""
     kinds: dict[tuple[str, int | str], list[tuple[float, float, float, float]]] = {}
     for one, fit in zip(found.measured, found.fitted, strict=True):
         if found.problem.quantities.observable(one.quantity) == name:

@@ -1,4 +1,4 @@
-"""The page of a load sheet: tables that an engineer reads and signs, on screen and on paper."""
+"""The page of a load sheet: tables for screen and paper, which an engineer reads and signs."""
 
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -56,16 +56,16 @@ NOT_LOOKED_UP = (
 DYNAMIC_FACTOR = "DIN 4024-1 (the dynamic factor of 3)"
 SOIL = "Pais and Kausel (1988), tables 2-2 and 2-3 of NIST GCR 12-917-21 (springs of soil)"
 SOIL_KEYS = "foundation.soil."
-# What the heading tells, and the inputs or what is assumed tell too.
+# Entries of the heading that the inputs or the assumptions repeat.
 IN_TABLES = ("machine", "date", "loads", "masses", "foundation", "assumed", "from the PE250x400")
 IN_TABLES += ("equivalent loads",)
-SMALL = 5e-4  # of the unit: what is not seen beside larger numbers
+SMALL = 5e-4  # share of the unit below which a number is shown as 0
 
 
 class Grid(NamedTuple):
-    """A table: headings of columns under those that span several, lines of text, and its notes.
+    """A table: its title, headings that span several columns, headings of columns, and lines.
 
-    `texts` are how many columns at the left, and whether the last column, hold words.
+    `words` says how many columns at the left hold words, and whether the last column does.
     """
 
     title: str
@@ -80,9 +80,9 @@ def _above_noise(value: float, least: float) -> float:
 
 
 class Amount(NamedTuple):
-    """A number of the sheet as text: with ideal joints, as it is with its scatter, and its phase.
+    """A number of the sheet as text: with ideal joints, with its scatter, and its phase.
 
-    The range over what is assumed stands behind the second one.
+    `value` ends with the range over the assumptions, if there is a range.
     """
 
     ideal: str
@@ -91,10 +91,10 @@ class Amount(NamedTuple):
 
 
 def amount(row: Row, largest: float) -> Amount:
-    """Return a number as text; of one with no ideal beside it the first is empty.
+    """Return a number as text; `ideal` is empty where the row has no ideal number.
 
-    Nothing is seen below half of a thousandth of the unit, or of the `largest` of a small machine;
-    a millionth of the unit is rounding. Of a share nothing is seen below half of a thousandth.
+    Numbers below `SMALL` units are shown as 0, or below `SMALL` times the `largest` if this is less
+    than a unit. A `largest` below 1e-6 units is rounding. Shares below 0.05 % are shown as 0.
     """
     least = 0.05 if row.unit == "%" else SMALL * float(np.clip(largest, 1e-6, 1.0))
     value, ideal, low, high = (
@@ -110,7 +110,7 @@ def amount(row: Row, largest: float) -> Amount:
 
 
 def _amounts(rows: Sequence[Row]) -> dict[tuple[str, float | str], Amount]:
-    """Return the rows of a part as text, by name and order."""
+    """Return the rows of a part of the sheet as text, by name and order."""
     largest = {}
     for row in rows:
         largest[row.unit] = max(largest.get(row.unit, 0.0), abs(row.value))
@@ -122,19 +122,19 @@ def _named(order: float | str) -> str:
 
 
 def has_soil(values: Iterable[str]) -> bool:
-    """Tell whether a machine of these numbers, by name, stands on soil."""
+    """Tell from the names of a machine's numbers whether it stands on soil."""
     return any(name.startswith(SOIL_KEYS) for name in values)
 
 
 def is_loose(rows: Sequence[Row]) -> bool:
-    """Tell whether the rows have ideal joints beside loose ones."""
+    """Tell whether the rows have numbers of ideal joints beside those of loose joints."""
     return any(row.ideal != "" for row in rows)
 
 
 def listed(rows: Sequence[Row]) -> list[Grid]:
-    """Return the parts of the sheet, a number in a line, for a screen.
+    """Return the parts of the sheet for a screen, with one line for each number.
 
-    What moves by its harmonics is long, and stands in the file alone.
+    The harmonics of the motion are long, and only the file contains them.
     """
     grids, columns = [], ["ideal", "loose ± error"] if is_loose(rows) else ["ideal"]
     for part in dict.fromkeys(row.part for row in rows if row.part != MOVING):
@@ -150,7 +150,7 @@ def listed(rows: Sequence[Row]) -> list[Grid]:
 
 
 def by_name(title: str, rows: Sequence[Row], *, remarks: bool = True) -> Grid:
-    """Return a table with a line for each quantity, and columns for its orders or kinds."""
+    """Return a table with a line for each quantity, and columns for its orders and kinds."""
     told = _amounts(rows)
     orders = list(dict.fromkeys(row.order for row in rows))
     alike = all(one.ideal in ("", one.value) for one in told.values())
@@ -173,7 +173,7 @@ def by_name(title: str, rows: Sequence[Row], *, remarks: bool = True) -> Grid:
 
 
 def by_order(title: str, rows: Sequence[Row], names: Sequence[str]) -> Grid:
-    """Return a spectrum: a line for each order and one for what lies above, a quantity a column."""
+    """Return a spectrum: lines for each order and for all orders above, columns for quantities."""
     inside = [row for row in rows if row.name in names]
     told, units = _amounts(inside), {row.name: row.unit for row in inside}
     kinds = ["ideal", "loose", "phase"] if is_loose(inside) else ["ideal", "phase"]
@@ -186,7 +186,7 @@ def by_order(title: str, rows: Sequence[Row], names: Sequence[str]) -> Grid:
 
 
 def spectra(title: str, rows: Sequence[Row], which: Callable[[str], bool]) -> list[Grid]:
-    """Return the spectra of some quantities, as many side by side as paper has room for."""
+    """Return the spectra of the quantities that `which` selects, two or three side by side."""
     inside = [row for row in rows if row.part == HARMONICS and which(row.name)]
     names = list(dict.fromkeys(row.name for row in inside))
     width = 3 if len(names) % 2 else 2
@@ -195,7 +195,7 @@ def spectra(title: str, rows: Sequence[Row], which: Callable[[str], bool]) -> li
 
 
 def soils(sheets: Mapping[str, Sequence[Row]]) -> Grid | None:
-    """Return what other soil comes to with ideal joints; None where there is no other sheet."""
+    """Compare the sheets of ideal joints on several soils; None with fewer than two sheets."""
     if len(sheets) < 2:
         return None
     wanted: dict[tuple[str, str, float | str], str] = {}
@@ -224,7 +224,7 @@ def soils(sheets: Mapping[str, Sequence[Row]]) -> Grid | None:
 
 
 class Input(NamedTuple):
-    """A number or choice of a machine in words, with its value and what is meant by it."""
+    """A number or choice of a machine in words, with its value and its meaning."""
 
     name: str
     value: str
@@ -232,9 +232,9 @@ class Input(NamedTuple):
 
 
 def inputs(machine: Machine) -> tuple[list[Input], list[Input]]:
-    """Return the numbers and choices that were given, and those left to defaults.
+    """Return the numbers and choices that were given, and those that are defaults.
 
-    A default on which the scene does not depend, as that of steel beside rollers, is left out.
+    Defaults that do not influence the scene are left out, such as Young's modulus beside rollers.
     """
     base, given, left = machine.scene(), [], []
     for name, value in machine.values.items():
@@ -257,25 +257,25 @@ def _input(machine: Machine, name: str, value: Any) -> Input:
 
 
 def _counts(machine: Machine, base: Scene, name: str, value: Any) -> bool:
-    """Return whether the scene depends on a default; a choice and a curve count."""
+    """Tell whether the scene depends on a default; choices and curves always count."""
     if isinstance(value, str) or np.ndim(value):
         return True
     try:
         other = machine.scene(**{name: value + 1e-3 * (abs(value) or 1.0)})
-    except ValueError:  # a number at its limit is one that is looked at
+    except ValueError:  # a number whose limit is checked is in use
         return True
     return not eqx.tree_equal(base, other)
 
 
 def norms(scene: Scene, *, soil: bool) -> list[str]:
-    """Return the norms and tables of the sheet that nobody could look up."""
+    """Return the norms and tables of the sheet whose numbers could not be checked in print."""
     found = [DYNAMIC_FACTOR]
     found += [] if scene.supports is None else [f"{SOURCE} (zones), and {REPLACED}"]
     return found + ([SOIL] if soil else [])
 
 
 def assumed(scene: Scene, head: Mapping[str, str], factor: float, *, soil: bool) -> list[str]:
-    """Return what the sheet assumes, a sentence each."""
+    """Return the assumptions of the sheet, one sentence each."""
     found = [
         "The machine is plane: nothing moves across the drawing, and no force acts there.",
         "Bodies are rigid. The crushing load closes inside the machine and does not reach the "
@@ -298,7 +298,7 @@ def assumed(scene: Scene, head: Mapping[str, str], factor: float, *, soil: bool)
 
 
 def checked(scene: Scene, head: Mapping[str, str], rows: Sequence[Row]) -> list[str]:
-    """Return what was checked in this sheet or by the program's tests, and what was not."""
+    """Return the checks of this sheet and of the program's tests, and what is not checked."""
     found = ["Ideal joints: the motion is a periodic orbit that Newton's method has converged to."]
     if is_loose(rows):
         found.append(f"Loose joints: {head.get('loose joints', 'a run')}.")
@@ -319,7 +319,7 @@ def checked(scene: Scene, head: Mapping[str, str], rows: Sequence[Row]) -> list[
 
 
 def css_text(text: str) -> str:
-    """Return a text as it may stand between quotes of a style sheet in a page."""
+    """Return a text escaped for a quoted string in a style sheet of a page."""
     return "".join(c if c.isalnum() or c in " .,-_()" else f"\\{ord(c):x} " for c in text)
 
 
@@ -332,16 +332,16 @@ def page(
     factor: float = 3.0,
     soil: Mapping[str, Sequence[Row]] = {},
 ) -> str:
-    """Return the page, which prints on A4.
+    """Return the page as HTML, which prints on A4.
 
     **Arguments:**
 
-    - `machine`: what the sheet is of; its inputs stand in the sheet in words.
-    - `rows`: of `jaxcrusher.sheets.load_sheet.sheet`.
-    - `head`: what is told of it, by its title.
+    - `machine`: the machine, whose inputs the sheet lists in words.
+    - `rows`: the rows that `jaxcrusher.sheets.load_sheet.sheet` returns.
+    - `head`: texts of the heading, by their titles.
     - `pictures`: `sketch` and `run_up`, PNG in base 64.
     - `factor`: the dynamic factor.
-    - `soil`: rows of ideal joints on softer and stiffer soil, by title; empty without soil.
+    - `soil`: rows of ideal joints on each soil, by title; empty without soil.
     """
     scene, loose = machine.scene(), is_loose(rows)
     parts = {part: [row for row in rows if row.part == part] for part in {r.part for r in rows}}

@@ -1,4 +1,4 @@
-"""The machines and grids that a command line names, in SI units, and what results are kept by."""
+"""The machines and grids of a command line in SI units, and the settings stored with results."""
 
 import itertools
 from collections.abc import Mapping
@@ -21,16 +21,16 @@ from jaxcrusher.scenes.parameters import key_of
 from jaxcrusher.scenes.reader import naming, read_range, require_moving
 from jaxcrusher.scenes.units import all_said
 
-# What is assumed where nobody measured it, and what an impact rests on besides restitution.
+# Usually assumed numbers, not measured ones, on which impacts depend besides restitution.
 ASSUMED = ("load_edge", "rollers.damping")
 
 
 def read_machine(crusher: Crusher) -> Machine:
-    """Return what a scene file and the command line describe: a crusher, or any linkage.
+    """Return the machine of a scene file and the command line: a crusher, or any linkage.
 
-    Of a crusher unusual numbers are told, and those that a scene file leaves to the paper; of a
-    linkage what the laws of its loose joints take from the paper. Raises ValueError as
-    `jaxcrusher.read_machine` does, and for numbers that cannot be.
+    Lines on standard error report unusual numbers, and the numbers that a scene file leaves to the
+    PE250x400 or, for a linkage, to defaults. Raises ValueError as `jaxcrusher.read_machine` does,
+    and for impossible numbers.
     """
     found = jc.read_machine(crusher.scene, crusher.overrides)
     with naming(crusher.scene, found.given):
@@ -39,17 +39,17 @@ def read_machine(crusher: Crusher) -> Machine:
 
 
 def borrowed_by(crusher: Crusher, found: Machine) -> list[str]:
-    """Return which numbers of a crusher its scene file leaves to the PE250x400; none without."""
+    """Name the numbers that the scene file leaves to the PE250x400; none without a file."""
     return [] if crusher.scene is None else found.structure.borrowed(found.given)
 
 
 def variants_of(
     found: Machine, values: Mapping[str, Any], units: Mapping[str, str]
 ) -> tuple[dict[str, Scene], list[str]]:
-    """Return scenes with half and twice of what is assumed, and say which of them cannot be.
+    """Return scenes with half and twice each assumed number, and reasons for impossible variants.
 
-    Of a coefficient of restitution they have half and twice of what an impact loses: 0.95 and 0.8
-    for 0.9. A number that the scene does not use, as that of steel beside rollers, has no variants.
+    For a coefficient of restitution its difference from 1 is halved and doubled: 0.9 becomes 0.95
+    and 0.8. A number that does not influence the scene has no variants.
     """
     base, scenes, refused = found.scene(**values), {}, []
     losses = [name for name in values if name.rpartition(".")[2] == "restitution"]
@@ -68,13 +68,13 @@ def variants_of(
 
 
 def settings_of(command: str, machine: Machine, **numbers: Any) -> dict[str, Any]:
-    """Return what results are kept by: a command, its machine, and the options that decide them."""
+    """Return the settings stored with results: command, machine, and options that decide them."""
     kept = {"command": command, "scene": with_digests(machine.values), **numbers}
     return kept | machine.structure.record
 
 
 def write_dataset(path: Path, dataset: xr.Dataset) -> None:
-    """Write a dataset as its suffix says: .nc, .csv, or .mat for MATLAB."""
+    """Write a dataset in the format of the path's suffix: .nc, .csv, or .mat for MATLAB."""
     if path.suffix == ".csv":
         write_text(path, as_csv(dataset))
     else:
@@ -82,7 +82,7 @@ def write_dataset(path: Path, dataset: xr.Dataset) -> None:
 
 
 def read_moving(crusher: Crusher) -> Machine:
-    """Read a machine whose pins can move in their bores; ValueError for ideal joints too."""
+    """Read a machine that has a loose joint. ValueError also if all joints are ideal."""
     found = read_machine(crusher)
     require(not found.scene().is_ideal, "joint", "have clearance to move in", "ideal")
     return found
@@ -94,9 +94,9 @@ def bounds(over: Ranges) -> list[tuple[str, str]]:
 
 
 def read_axes(over: Ranges, machine: Machine) -> dict[str, list]:
-    """The axes of a grid of machines: name -> values in SI units, or choices.
+    """Return the axes of a grid of machines: name -> values in SI units, or choices.
 
-    Raises ValueError for an unknown or repeated name, a bad bound or count, and no axis at all.
+    Raises ValueError for an unknown or repeated name, a bad bound or count, and without any axis.
     """
     require(len(over) > 0, "over", "be given at least once: NAME LOW HIGH COUNT", "missing")
     require(all(over), "over", "be NAME LOW HIGH COUNT, or the name of a choice", "empty")

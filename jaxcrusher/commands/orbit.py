@@ -1,4 +1,4 @@
-"""`python -m jaxcrusher orbit`: the periodic orbit, solved for, and its slopes by every number."""
+"""`python -m jaxcrusher orbit`: the periodic orbit, and its slopes by every parameter."""
 
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
@@ -39,9 +39,9 @@ from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.parameters import Parameter, numbers_of
 from jaxcrusher.scenes.units import per, said, unit_of
 
-ANGLES = 720  # of the picture, a turn
+ANGLES = 720  # points of the picture in one turn
 DEGREE = float(np.radians(1.0))
-LEAST = 1e-6  # % of a force, below which a step of a number has no row
+LEAST = 1e-6  # least change of a force (%) by a step; parameters below it have no row
 REMEDY = (
     "Where the free oscillation of the pin meets a harmonic of the drive, or contact is lost, "
     "there may be no orbit of this period, or several. Try a value a thousandth off, another "
@@ -52,7 +52,7 @@ ROUGH = "under the mean load: what load_scatter adds is told by jaxcrusher.feed_
 
 
 def run(options: Orbit, console: Console) -> int:
-    """Solve, print, write; 1 if there is no orbit. ValueError for bad options."""
+    """Solve, print and write. Return 1 if there is no orbit; ValueError for bad options."""
     found = read_machine(options.crusher)
     values = found.values
     metrics = tuple(dict.fromkeys(("shaking_rms", found.scene().headline)))
@@ -70,7 +70,7 @@ def run(options: Orbit, console: Console) -> int:
     def build(numbers: dict[str, Any]) -> Scene:
         return found.scene(**numbers)
 
-    # Not under `jax.jit`: the program that solves for the orbit serves its slopes too.
+    # Without `jax.jit`, one compiled program serves the orbit and its slopes.
     def solve(numbers: dict[str, Any], **how: Any) -> PeriodicOrbit:
         return jc.periodic_orbit(build(numbers), **how)
 
@@ -108,7 +108,7 @@ def slopes_of(
     numbers: dict[str, Any],
     names: tuple[str, ...],
 ) -> dict[str, dict[str, float]]:
-    """Return the slopes of some statistics by every number: one orbit, pulled back for each."""
+    """Return the slopes of statistics by every number: one orbit, and one VJP per statistic."""
 
     def metrics(numbers: dict[str, Any]) -> dict[str, Scalar]:
         orbit = solve(numbers)
@@ -123,7 +123,7 @@ def slopes_of(
 
 
 def history(orbit: PeriodicOrbit) -> xr.Dataset:
-    """Return all observables over the angle of the shaft."""
+    """Return all observables over the angle of the shaft, at each degree of the period."""
     degrees = np.arange(360 * orbit.period + 1)
     seen = orbit.motion(np.radians(degrees))
     values = {name: np.asarray(column) for name, column in seen.items()}
@@ -134,7 +134,7 @@ def history(orbit: PeriodicOrbit) -> xr.Dataset:
 
 
 def draw(orbit: PeriodicOrbit, units: Mapping[str, str], path: Path) -> None:
-    """Each pin in its bore, and the force on the foundation beside that of ideal joints."""
+    """Draw each pin in its bore, and the leading force beside the force with ideal joints."""
     angles = 2 * np.pi * np.arange(ANGLES * orbit.period + 1) / ANGLES
     scene = orbit.scene
     shown, headline = headline_force(scene), scene.headline
@@ -153,12 +153,12 @@ def draw(orbit: PeriodicOrbit, units: Mapping[str, str], path: Path) -> None:
 
 
 def turns_of(orbit: PeriodicOrbit) -> str:
-    """Name an orbit by its turns."""
+    """Return the name of an orbit with its period in turns."""
     return "periodic orbit" if orbit.period == 1 else f"periodic orbit of {orbit.period} turns"
 
 
 def settling(orbit: PeriodicOrbit) -> str:
-    """Say how fast disturbances of an orbit die, or that they grow."""
+    """Say how fast disturbances of an orbit decay, or that they grow."""
     if orbit.eccentricity is None:
         return "nothing oscillates"
     if bool(orbit.undecided):
@@ -167,9 +167,9 @@ def settling(orbit: PeriodicOrbit) -> str:
 
 
 def summary(orbit: PeriodicOrbit) -> list[str]:
-    """Return the motion in a few lines."""
+    """Return a few lines on the forces of the orbit, its stability and its contact."""
     share, values = float(orbit.error), {n: float(one) for n, one in orbit.values.items()}
-    # Peaks and means have errors of their own, which nobody has estimated.
+    # The errors of peaks and means are not estimated.
     rms = {name: to_error(one, share * one, 10) for name, one in values.items()}
     lines = [
         f"shaking force: RMS {rms['shaking_rms']} N (error {share:.1g} of it), "
@@ -204,25 +204,25 @@ def table(
     machine: Machine,
     marked: Collection[str],
 ) -> Table:
-    """Slopes of the forces' RMS by every parameter, in the units given; `marked` ones have a *.
+    """Return the table of slopes of the forces' RMS by each parameter, in the machine's units.
 
-    Parameters are those of the `shares`, as `changes` returns them; what changes the shaking force
-    most in a `step` comes first.
+    Parameters are the keys of `shares`, which `changes` returns. The parameter whose `step` changes
+    the shaking force most comes first. `marked` parameters have a *.
     """
     shaking, *others = slopes
 
     def slope(metric: str, name: str, size: float) -> str:
-        """Return a slope by the unit of its number, 0 where a step changes too little."""
+        """Return a slope per unit of its parameter, 0 where a step changes less than `LEAST`."""
         return number(slopes[metric][name] * size if shares[name][metric] else 0.0)
 
-    # Without a frame every key stands in one line of 80 columns.
+    # Without borders every key fits into one line of 80 columns.
     headings = ["parameter", "value", "shaking", "% a step"]
     headings += [name.removesuffix("_rms") for name in others]
     shown = Table(*headings, box=None, padding=(0, 1, 0, 0), pad_edge=False)
-    shown.columns[0].overflow = "fold"  # a key is to be copied whole
+    shown.columns[0].overflow = "fold"  # users copy the whole key
 
     def rank(name: str) -> tuple[bool, float]:
-        """Return where a number stands, those without a slope last."""
+        """Return the sorting key of a parameter; parameters without a slope come last."""
         share = shares[name][shaking]
         return bool(np.isnan(share)), -abs(share)
 
@@ -237,9 +237,9 @@ def table(
 def changes(
     orbit: PeriodicOrbit, slopes: dict[str, dict[str, float]], machine: Machine
 ) -> dict[str, dict[str, float]]:
-    """Return by how much (%) a `step` of each number changes each force, if it changes one.
+    """Return the change (%) of each force by a `step` of each number that changes any force.
 
-    Less than `LEAST` is 0.
+    A change below `LEAST` is 0.
     """
     found = {}
     for name in next(iter(slopes.values())):
@@ -248,20 +248,20 @@ def changes(
             metric: percent * of[name] / float(orbit[metric]) for metric, of in slopes.items()
         }
         shares = {metric: 0.0 if abs(one) < LEAST else one for metric, one in shares.items()}
-        if any(shares.values()):  # NaN too is no small change
+        if any(shares.values()):  # NaN counts as a change
             found[name] = shares
     return found
 
 
 def step(of: Parameter, value: float) -> float:
-    """Return a small change of a number that a designer would try, in SI units."""
-    if of.unit == "rad":  # the value of an angle depends on where it is counted from
+    """Return a small design change of a parameter, in SI units: 1 %, or 1 deg of an angle."""
+    if of.unit == "rad":  # the value of an angle depends on its reference direction
         return DEGREE
     return 0.01 * (abs(value) or of.scale)
 
 
 def notes(machine: Machine, marked: Collection[str], shown: Collection[str]) -> list[str]:
-    """Explain the columns of the table, its marks, and what it leaves out."""
+    """Explain the columns and marks of the table, and name the parameters without a row."""
     values, known = machine.values, machine.numbers
     names = numbers_of(values, known)
     zero = [n for n in names if values[n] == 0 and known[n].unit != "rad"]
@@ -281,7 +281,7 @@ def notes(machine: Machine, marked: Collection[str], shown: Collection[str]) -> 
 
 
 def content(orbit: PeriodicOrbit, slopes: dict[str, dict[str, float]]) -> dict[str, Any]:
-    """An orbit as JSON keeps it."""
+    """Return an orbit and its slopes as JSON stores them."""
     forces = ("foundation_rms", "foundation_mean", "foundation_peak", "shaking_rms", "shaking_peak")
     names = (*(name for name in forces if name in orbit.values), "error", "least_penetration")
     values = [] if orbit.multipliers is None else np.asarray(orbit.multipliers)

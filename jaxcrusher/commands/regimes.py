@@ -1,4 +1,4 @@
-"""`python -m jaxcrusher regimes`: what kind of motion each of some designs has."""
+"""`python -m jaxcrusher regimes`: the kind of motion of each design of a list or a grid."""
 
 import itertools
 import json
@@ -34,7 +34,7 @@ from jaxcrusher.scenes.reader import read_text
 from jaxcrusher.scenes.units import all_said, units_of
 
 FILES = "regimes.json", "regimes.nc", "regimes.png"
-# The numbers of a row, besides statistics.
+# The numbers of a row besides the statistics.
 COLUMNS = {
     "period": Column("1", "turns after which the motion repeats"),
     "largest_exponent": Column("1", "largest Lyapunov exponent a turn"),
@@ -46,7 +46,7 @@ COLUMNS = {
 
 
 def run(options: Regimes, console: Console) -> int:
-    """Classify what is not done yet; 1 if a run failed. ValueError for bad options."""
+    """Classify the remaining designs. Return 1 if a run failed; ValueError for bad options."""
     found = read_moving(options.crusher)
     designs = read_designs(options, found)
     values, scene = found.values, found.scene()
@@ -68,7 +68,7 @@ def run(options: Regimes, console: Console) -> int:
     folder = results_folder(options.results.folder)
     keep_beside(folder / "regimes.json", settings, *FILES[1:])
     kept = earlier(folder / "regimes.json", settings, "name")
-    # Laws and files of one's own that have changed since make other designs of the same names.
+    # If a user's own laws or files have changed, a design of the same name is another design.
     told, done = [with_digests(design) for design in designs], kept["rows"] if kept else []
     for design, now in zip(designs, told, strict=True):
         same = (row["design"] != design or row.get("described", design) == now for row in done)
@@ -115,7 +115,7 @@ def run(options: Regimes, console: Console) -> int:
 
 
 def read_designs(options: Regimes, found: Machine) -> list[dict[str, Any]]:
-    """The designs asked for, in SI units; ValueError for ones that cannot be read."""
+    """Return the designs of the options in SI units; ValueError for unreadable designs."""
     both = bool(options.over and options.design)
     require(not both, "design", "stand instead of over", "given with it")
     if options.over:
@@ -131,7 +131,7 @@ def read_designs(options: Regimes, found: Machine) -> list[dict[str, Any]]:
 
 
 def on_grid(rows: list[dict]) -> xr.DataArray:
-    """Return the kinds of motion of designs that are a product of two ranges, over both."""
+    """Return the kinds of motion as a table over both ranges of the grid."""
     axes = {
         name: list(dict.fromkeys(row["design"][name] for row in rows)) for name in rows[0]["design"]
     }
@@ -147,7 +147,7 @@ def dataset(
     attributes: dict[str, str],
     numbers: Mapping[str, Parameter],
 ) -> xr.Dataset:
-    """Return the rows, with the varied names as coordinates along them."""
+    """Return the rows as a dataset; the varied parameters are coordinates along `design`."""
     coordinates = {}
     for name in settings["varied"]:
         known = numbers.get(name)

@@ -41,9 +41,9 @@ from jaxcrusher.pictures.style import style
 from jaxcrusher.scenes.machine import Machine
 from jaxcrusher.scenes.units import said
 
-# Simulated unless told otherwise, and, of these, drawn: the last ones.
+# The default number of simulated turns, and how many of the last turns are drawn.
 TURNS, DRAWN = 10.0, 2
-# What the energy ledger holds, J.
+# The entries of the energy ledger, J.
 LEDGER = {
     "kinetic": "kinetic energy",
     "potential": "potential energy of weight, zero at the height of the frame's origin",
@@ -59,12 +59,12 @@ LEDGER = {
 }
 
 ANGLE = {"units": "rad", "long_name": "shaft angle since time zero"}
-# A standard error beyond this share of the RMS is told to be rough.
+# A standard error beyond this share of the RMS gets a line of advice.
 SCATTERED = 0.01
 
 
 def run(options: Simulate, console: Console) -> int:
-    """Simulate, write, print; 1 if the integration failed. ValueError for bad options."""
+    """Simulate, write and print. Return 1 if a run failed; ValueError for bad options."""
     found = read_machine(options.crusher)
     values, scene = found.values, found.scene()
     span = _span(options, values["speed"])
@@ -108,13 +108,13 @@ def run(options: Simulate, console: Console) -> int:
 
 
 def _statistics(scene: Scene, settle: int, turns: int, rtol: float) -> Statistics:
-    """As a batch of one, since lanes compile in half the time."""
+    """Return statistics of a batch of one scene: lanes compile in half the time."""
     function = eqx.Partial(jc.statistics, settle_turns=settle, turns=turns, rtol=rtol)
     return jax.tree.map(lambda leaf: jnp.asarray(leaf[0]), jc.map_all(function, stack([scene])))
 
 
 def _span(options: Simulate, speed: float) -> float:
-    """The time span in turns; one of whole turns up to rounding is whole."""
+    """Return the time span in turns, rounded if it differs from whole turns only by rounding."""
     if options.seconds is not None:
         require(options.turns is None, "turns", "not be given with seconds", options.turns)
         require_positive("seconds", options.seconds, "s")
@@ -135,11 +135,11 @@ def _settle(options: Simulate, span: float) -> int:
 
 
 def dataset(motion: Trajectory, scene: Scene, values: dict[str, Any]) -> xr.Dataset:
-    """Return the motion with units, long names and provenance."""
+    """Return the motion as a dataset with units, long names and provenance."""
     table = dict(motion.known)
     seen = [name for name in table if name in motion.values]
     arrays = {name: np.asarray(motion[name]) for name in seen}
-    # A clamped frame, and a scene without rod or springs, has no loss there.
+    # Losses of supports, rod or springs are None in a scene without these parts.
     ledger = {n: part for n in LEDGER if (part := getattr(motion.energy, n)) is not None}
     arrays |= {name: np.asarray(part) for name, part in ledger.items()}
     kept = vector_columns(table, arrays) | {name: Column("J", LEDGER[name]) for name in ledger}
@@ -155,7 +155,7 @@ def dataset(motion: Trajectory, scene: Scene, values: dict[str, Any]) -> xr.Data
 
 
 def draw(motion: Trajectory, scene: Scene, drawn: np.ndarray) -> Figure:
-    """An orbit for each joint with clearance, and the headline force, at the instants `drawn`."""
+    """Draw the path of each loose joint's pin, and the headline force, at the instants `drawn`."""
     shown, joints = headline_force(scene), scene.joints.names
     names = (shown, *(f"{scene.prefix(joint)}eccentricity" for joint in joints))
     seen = {name: motion[name][drawn] for name in names}
@@ -173,7 +173,7 @@ def draw(motion: Trajectory, scene: Scene, drawn: np.ndarray) -> Figure:
 def title(
     machine: Machine, first: float, last: float, motion: Trajectory, summary: Statistics | None
 ) -> str:
-    """Say the speed, which turns are drawn, how the motion began, and whether it has settled."""
+    """Return a title: speed, drawn turns, start, and whether the motion has settled."""
     values = machine.values
     parts = [said("speed", values["speed"], machine.units), f"turns {first:g} to {last:g}"]
     if machine.scene().joints.names and "start" in values:
@@ -186,7 +186,7 @@ def title(
 
 
 def scattered(summary: Statistics, headline: str) -> str:
-    """Advise what to do about an average that still changes, or return nothing."""
+    """Return advice on an average that still changes or scatters, else an empty text."""
     error = float(summary.error(headline))
     if bool(summary.whirl) or not math.isfinite(error):
         return ""
@@ -205,11 +205,11 @@ def scattered(summary: Statistics, headline: str) -> str:
 
 
 def closing(motion: Trajectory, summary: Statistics | None, settle: int, scene: Scene) -> str:
-    """RMS of the headline force and of what shakes, peak, contact, whirl and model, on one line."""
+    """Return one line: RMS of headline and shaking force, peak, contact, whirl and validity."""
     names = tuple(dict.fromkeys((scene.headline, "shaking_rms")))
 
     def contact(share: Callable[[str], Any]) -> list[str]:
-        """Say the share of time in contact of each loose joint; `share` is by its prefix."""
+        """Return the contact share of each loose joint; `share` takes the joint's prefix."""
         pairs = ((joint, scene.prefix(joint)) for joint in scene.joints.names)
         of = {f"{joint} " if at else "": at for joint, at in pairs}
         return [f"{title}contact share {float(share(at)):.3f}" for title, at in of.items()]
@@ -225,11 +225,11 @@ def closing(motion: Trajectory, summary: Statistics | None, settle: int, scene: 
             f"{', '.join(parts)}, over the samples (no whole turn after settling: no verdict on "
             "whirl and contact model)"
         )
-    # One turn tells no error.
+    # A single turn gives no error.
     rms = with_error(float(summary[scene.headline]), float(summary.error(scene.headline)))
     parts = [f"{CALLED[scene.headline]} {rms} N"]
     if (peak := scene.headline.replace("_rms", "_peak")) in summary.values:
-        # Impacts hit harder in some turns than in others.
+        # Impacts are harder in some turns than in others.
         median = f"{number(np.median(summary.by_turn[peak]))} N"
         several = f" (median of the turns' peaks {median})" if summary.turns > 1 else ""
         parts.append(f"peak {number(float(summary[peak]))} N{several}")

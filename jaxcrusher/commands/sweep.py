@@ -20,14 +20,14 @@ from jaxcrusher.scenes.units import all_said, units_of
 
 
 def run(options: Sweep, console: Console) -> int:
-    """Sweep and print a closing line; 1 if a design failed. ValueError for bad options."""
+    """Sweep and print a closing line. Return 1 if a design failed; ValueError for bad options."""
     found = read_machine(options.crusher)
     axes = read_axes(options.over, found)
     headline = found.scene().headline
     found.require_possible(axes)
     folder = results_folder(options.results.folder)
     designs = math.prod(len(axis) for axis in axes.values())
-    # The store is chosen by --name here.
+    # On the command line --name chooses the store.
     called = renamed(store="name", settle_turns="settle")
     with progress(console) as bars, local_workers(options.scheduler) as scheduler, called:
         bar = bars.add_task("designs", total=designs)
@@ -59,7 +59,7 @@ def run(options: Sweep, console: Console) -> int:
 
 
 def closing(grid: xr.Dataset, headline: str, units: dict[str, str]) -> str:
-    """How the designs fared, and the one that shakes least."""
+    """Count failures, whirls and designs outside the model; name the least headline RMS."""
     grid = grid[[headline, "success", "whirl", "inside_model"]].load()
     success, whirl = grid.success.to_numpy(), grid.whirl.to_numpy()
     outside = int((success & ~whirl & ~grid.inside_model.to_numpy()).sum())

@@ -1,1 +1,1 @@
-"""What is asked of a search: options, the machine, its free numbers, objective and limits."""
+"""The question of a search: options, machine, free parameters, objective and limits."""

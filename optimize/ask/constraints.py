@@ -1,4 +1,4 @@
-"""What makes a design count: of motions that are integrated, and of periodic orbits."""
+"""Conditions under which a design counts, for integrated motions and for periodic orbits."""
 
 from typing import Any
 
@@ -11,9 +11,9 @@ from optimize.ask.problem import DesignProblem
 
 
 def broken(problem: DesignProblem, found: Found, share: float) -> dict[str, np.ndarray]:
-    """Return the constraints on motions in words, and where `found` breaks them.
+    """Return each constraint on motions in words, and where the statistics `found` break it.
 
-    A statistic may exceed its limit by a `share` of it.
+    A statistic may exceed its limit by a `share` of the limit.
     """
     lost = {}
     if problem.inside_model:
@@ -27,14 +27,14 @@ def broken(problem: DesignProblem, found: Found, share: float) -> dict[str, np.n
 
 
 def keeps(problem: DesignProblem, found: Found, share: float) -> np.ndarray:
-    """Whether motions break none of the constraints on them, as `broken` tells."""
+    """Tell which motions break none of the constraints that `broken` checks."""
     return ~np.any(list(broken(problem, found, share).values()), axis=0)
 
 
 def end_well(found: Found) -> np.ndarray:
-    """Whether each motion succeeded, without whirl.
+    """Tell which motions succeeded without friction whirl.
 
-    A whirl's numbers are outside the contact theory, whatever the objective says of it.
+    The numbers of a whirl are outside the contact theory, so its objective means nothing.
     """
     return _logical(found["success"]) & ~_logical(found["whirl"])
 
@@ -42,31 +42,31 @@ def end_well(found: Found) -> np.ndarray:
 def of_runs(
     problem: DesignProblem, found: Found, capacity: Float[np.ndarray, " designs"]
 ) -> np.ndarray:
-    """Whether the motion of each start ended well, within the constraints."""
+    """Tell for each start which motions ended well and keep the constraints."""
     return end_well(found) & problem.reaches(capacity) & keeps(problem, found, OF_RUN)
 
 
 def of_orbits(
     problem: DesignProblem, found: Found, capacity: Float[np.ndarray, " designs"]
 ) -> np.ndarray:
-    """Whether each orbit may be stable, has a number of the objective, and keeps constraints."""
+    """Tell which orbits may be stable, have a finite objective, and keep the constraints."""
     good = may_be_stable(found) & np.isfinite(found["objective"])
     return good & problem.reaches(capacity) & keeps(problem, found, OF_ORBIT)
 
 
 def usable(problem: DesignProblem, found: Found) -> np.ndarray:
-    """Whether each orbit may be stable, and is inside the contact model if asked.
+    """Tell which orbits may be stable, and are inside the contact model if the problem asks so.
 
-    Descents need that much: what else is a constraint has a slope, which they follow.
+    Descents need only these conditions; they follow the slopes of the other constraints.
     """
     inside = _logical(found["inside_model"]) if problem.inside_model else True
     return may_be_stable(found) & inside
 
 
 def may_be_stable(found: Found) -> np.ndarray:
-    """Whether each orbit is not known to be unstable.
+    """Tell which orbits are stable or undecided.
 
-    The one that is chosen in the end is looked at by further ways, and confirmed by runs.
+    The orbit of the optimum is later checked in further ways, and confirmed by runs.
     """
     return _logical(found["stable"]) | _logical(found["undecided"])
 
@@ -74,9 +74,9 @@ def may_be_stable(found: Found) -> np.ndarray:
 def losses(
     problem: DesignProblem, found: Found, capacity: Float[np.ndarray, " designs"], designs: str
 ) -> str:
-    """Say why none of some `designs` counts, and of how many each reason is true.
+    """Say why none of the `designs` counts, and how many designs each reason excludes.
 
-    What is `found` has the shape (starts, designs, ...), as of `evaluate` or of long runs.
+    Arrays of `found` have the shape (starts, designs, ...), as from `evaluate` or from long runs.
     """
     shape = len(found["success"]), len(capacity), -1
     limited = (limit.statistic for limit in problem.limits)

@@ -1,8 +1,8 @@
-"""A design: named parameters with bounds, the unit box the search works on, and its scenes.
+"""A design: named parameters with bounds, the unit box of the search, and the scenes of its points.
 
-Numbers that follow from the others are completions: equal stroke, and a counterweight's moment.
-Each is called with all numbers of a description, and returns them with those that follow, its
-`outputs`, and without names that are none of `jaxcrusher.PARAMETERS`.
+A completion computes dependent numbers: for equal stroke, or from a counterweight's moment. It
+takes all numbers of a description. It returns them with its `outputs`, and without names that are
+not in `jaxcrusher.PARAMETERS`.
 """
 
 from collections.abc import Mapping
@@ -23,11 +23,11 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.scenes.build import build_linkage
 from jaxcrusher.scenes.parameters import MOMENTS, PE250X400, check_number
 
-# More free numbers than these get a Sobol sequence instead of a grid.
+# With more free numbers than this, a Sobol sequence replaces the grid.
 GRID_DIMENSIONS = 2
-# Newton steps on the eccentricity, to which the stroke is nearly proportional.
+# Newton steps for the eccentricity; the stroke is nearly proportional to the eccentricity.
 STEPS = 5
-# Least and greatest eccentricity that are looked at, as multiples of the machine's own.
+# Least and greatest eccentricity of the search, as multiples of the machine's own.
 MULTIPLES = 0.4, 4.0
 
 
@@ -35,18 +35,18 @@ MULTIPLES = 0.4, 4.0
 class CounterweightMoment:
     """The counterweight by its first moment about O (kg m), along and across O-A.
 
-    By mass and angle it would have a trap: a mass that comes to zero no longer feels its angle,
-    and a descent stays there although another angle would help.
+    With mass and angle as parameters a descent could stop at a mass of zero: the objective does not
+    depend on the angle there, although another angle would lower it.
     """
 
     inputs: ClassVar[tuple[str, ...]] = tuple(MOMENTS)
     outputs: ClassVar[tuple[str, ...]] = ("counterweight.mass", "counterweight.angle")
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Mass and angle, at the description's `counterweight.radius`."""
+        """Return the numbers with mass and angle, at the given `counterweight.radius`."""
         rest = dict(values)
         along, across = (rest.pop(name) for name in self.inputs)
-        # At zero the length of the moment has no slope: that towards O-A is taken.
+        # The length of a zero moment has no slope: the slope towards O-A replaces it.
         along = along + jnp.where((along == 0) & (across == 0), 1e-12, 0.0)
         radius = rest.get("counterweight.radius", PE250X400["counterweight.radius"])
         rest["counterweight.mass"] = jnp.sqrt(along**2 + across**2) / radius
@@ -54,7 +54,7 @@ class CounterweightMoment:
         return rest
 
     def of(self, values: Mapping[str, Any]) -> dict[str, float]:
-        """Return the moment of a description by mass, radius and angle."""
+        """Return both parts of the moment of a description with mass, radius and angle."""
         mass, radius, angle = (values[f"counterweight.{n}"] for n in ("mass", "radius", "angle"))
         moment = mass * radius
         parts = moment * jnp.cos(angle), moment * jnp.sin(angle)
@@ -65,9 +65,9 @@ class CounterweightMoment:
 class EqualStroke:
     """Completes a description by the eccentricity that gives B the horizontal travel `target` (m).
 
-    Where that is not inside `limits` (m), or the linkage does not close, it is NaN, and so is
-    every number of a motion made with it. With a given discharge opening the capacity by
-    (21)-(25) depends on speed and stroke alone, and so is equal too.
+    If the eccentricity is outside `limits` (m), or the linkage does not close, it is NaN, and so is
+    every number of the motion. At a given discharge opening the capacity by (21)-(25) depends only
+    on speed and stroke, so equal strokes mean equal capacities.
     """
 
     target: float
@@ -76,14 +76,14 @@ class EqualStroke:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "EqualStroke":
-        """With the stroke of a description; limits are `MULTIPLES` of its eccentricity."""
+        """Keep the stroke of a description; the limits are `MULTIPLES` of its eccentricity."""
         linkage = build_linkage(values)
         eccentricity = float(lengths_of(linkage)["shaft.eccentricity"])
         low, high = (eccentricity * multiple for multiple in MULTIPLES)
         return cls(float(jax.jit(stroke)(linkage)), (low, high))
 
     def __call__(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """The numbers with the eccentricity added; differentiable."""
+        """Return the numbers with the eccentricity, which is differentiable."""
 
         def excess(eccentricity: Scalar, values: Mapping[str, Any]) -> Scalar:
             links = build_linkage({**values, "shaft.eccentricity": eccentricity})
@@ -97,8 +97,8 @@ class EqualStroke:
 
         start = jnp.asarray(sum(self.limits) / 2)
         solved = jax.lax.stop_gradient(jax.lax.fori_loop(0, STEPS, newton, start))
-        # A step, differentiated by the links only, has the derivative of the root, and a second one
-        # has the second derivative too.
+        # One Newton step, differentiated only by the links, has the first derivative of the root. A
+        # second step has the second derivative too.
         slope = jax.lax.stop_gradient(jax.grad(excess)(solved, held))
         for _ in range(2):
             solved = solved - excess(solved, values) / slope
@@ -114,11 +114,11 @@ class Design:
 
     - `bounds`: names of the machine's numbers, or both of `CounterweightMoment.inputs`, with their
       lowest and highest value in SI units.
-    - `machine`: what is not free of it is fixed.
-    - `kept_stroke`: by which the eccentricity follows from the other numbers, if anything.
+    - `machine`: the machine, whose other numbers are fixed.
+    - `kept_stroke`: the completion that computes the eccentricity, or None.
 
     Raises ValueError for unknown names, bounds that are not LOW < HIGH inside the parameter's
-    limits, and a name that is free and follows.
+    limits, a dependent number among the free ones, and one part of the moment alone.
     """
 
     bounds: Mapping[str, tuple[float, float]]
@@ -139,7 +139,7 @@ class Design:
 
     @cached_property
     def fixed(self) -> dict[str, Any]:
-        """Return the numbers and choices that are given, and neither free nor follow."""
+        """Return the given numbers and choices that are neither free nor dependent."""
         apart = {*self.bounds, *self.following}
         return {name: value for name, value in self.machine.given.items() if name not in apart}
 
@@ -150,28 +150,28 @@ class Design:
 
     @property
     def completions(self) -> tuple[CounterweightMoment | EqualStroke, ...]:
-        """Return what is called one after the other with all numbers of the description."""
+        """Return the completions, in the order of their calls."""
         by_moment = bool({*CounterweightMoment.inputs} & {*self.bounds})
         found = (CounterweightMoment() if by_moment else None, self.kept_stroke)
         return tuple(one for one in found if one is not None)
 
     @property
     def following(self) -> tuple[str, ...]:
-        """Return the names of the numbers that follow from the others."""
+        """Return the names of the dependent numbers."""
         return tuple(name for completion in self.completions for name in completion.outputs)
 
     def values(self, unit: Float[Array | np.ndarray, "*batch n"]) -> dict[str, Any]:
-        """The free parameters at a point of the unit box, in SI units."""
+        """Return the free parameters at points of the unit box, in SI units."""
         low, high = np.array(list(self.bounds.values())).T
         numbers = low + unit * (high - low)
         return {name: numbers[..., i] for i, name in enumerate(self.names)}
 
     def numbers(self, unit: Float[np.ndarray, " n"]) -> dict[str, float]:
-        """`values` of one point, as Python's numbers."""
+        """Return the `values` of one point as Python floats."""
         return {name: float(value) for name, value in self.values(unit).items()}
 
     def unit(self, values: Mapping[str, ArrayLike]) -> np.ndarray:
-        """The inverse of `values`, with every free name; outside the bounds, outside the box."""
+        """Return the point of the unit box, the inverse of `values`; it may lie outside the box."""
         rows = [
             (np.asarray(values[name]) - low) / (high - low)
             for name, (low, high) in self.bounds.items()
@@ -179,7 +179,7 @@ class Design:
         return np.stack(rows, axis=-1)
 
     def description(self, unit: Float[Array | np.ndarray, " n"]) -> dict[str, Any]:
-        """The completed description at a point; ValueError for a concrete one outside the box."""
+        """Return the completed description of a point; ValueError if it is outside the box."""
         point = concrete(unit)
         if point is not None:
             good = point.shape == (len(self.bounds),) and bool(((point >= 0) & (point <= 1)).all())
@@ -187,7 +187,7 @@ class Design:
         return self.completed(self.values(unit))
 
     def completed(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """The completed description of the free parameters' values, which may be traced."""
+        """Return the completed description of the free parameters' values, which may be traced."""
         described = {**self.fixed, **values}
         if not self.completions:
             return described
@@ -204,21 +204,21 @@ class Design:
 
     @cached_property
     def _compiled(self):
-        """For concrete points: a loop that is not compiled once is compiled at every call."""
+        """The completions, jitted once: otherwise each call would compile Newton's loop."""
         return jax.jit(self._complete)
 
     def scene(self, unit: Float[Array | np.ndarray, " n"]) -> Scene:
-        """The scene at a point of the unit box, which may be traced.
+        """Return the scene at a point of the unit box, which may be traced.
 
-        Raises ValueError (concrete points only) outside the box and for a machine that cannot
-        be built; a traced one has NaN in every number of its motion.
+        Raises ValueError for a concrete point outside the box, and for a concrete machine that
+        cannot be built. Every number of the motion is NaN if such a machine is traced.
         """
         return self.build(self.description(unit))
 
     def build(self, described: Mapping[str, Any]) -> Scene:
-        """The scene of a completed description; raises as `scene` does."""
+        """Return the scene of a completed description; ValueError as in `scene`."""
         return self.machine.structure.scene(described)
 
     def whole(self, described: Mapping[str, Any]) -> dict[str, Any]:
-        """The description with what it leaves to the machine."""
+        """Return the description with the machine's values for missing names."""
         return {**self.machine.values, **described}

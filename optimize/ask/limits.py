@@ -1,4 +1,4 @@
-"""Limits of a search: the most that a statistic of a design's motion may be."""
+"""Limits of a search: upper bounds of statistics of a design's motion."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ from jaxcrusher.mechanism.scene import Scene
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.scenes.units import typed_in
 
-# Statistics by name, of any shape.
+# Statistics by name; the arrays may have any shape.
 Found = Mapping[str, Any] | xr.Dataset | PeriodicOrbit
-# A periodic orbit may exceed a limit by this share of it, which a descent leaves.
+# On a periodic orbit a statistic may exceed its limit by this share, the error of a descent.
 OF_ORBIT = 1e-6
-# A time average may, since some of the transient is still in it.
+# A time average may exceed its limit by this share, because it contains part of the transient.
 OF_RUN = 0.01
 
 
 @dataclass(frozen=True)
 class Limit:
-    """The most that a statistic may be, in the statistic's unit."""
+    """An upper bound of a statistic, in the statistic's unit."""
 
     statistic: str
     most: float
@@ -34,10 +34,10 @@ class Limit:
 
 
 def read_limits(written: Iterable[tuple[str, str]], scene: Scene) -> tuple[Limit, ...]:
-    """Return the limits of pairs of a statistic's name and its most, with the unit.
+    """Return the limits from pairs of a statistic's name and its greatest value with unit.
 
-    Raises ValueError for a name that the scene has no statistic of, for one given twice, and for a
-    value that is no positive number of the statistic's unit.
+    Raises ValueError for a name that is not a statistic of the scene, for a repeated name, and for
+    a value that is not finite, positive and of the statistic's unit.
     """
     found: dict[str, Limit] = {}
     for name, text in written:

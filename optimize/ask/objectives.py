@@ -1,4 +1,4 @@
-"""The objectives of the search by name: each is a function of a motion's statistics."""
+"""The objectives of the search by name. Each is a function of a motion's statistics."""
 
 import importlib
 import math
@@ -18,30 +18,30 @@ from jaxcrusher.motion.statistics import Statistics
 from jaxcrusher.orbits.result import PeriodicOrbit
 from jaxcrusher.sheets.feed_response import TURNS
 
-# Of a motion's statistics, its scene, and the chamber of a crusher.
+# A function of a motion's statistics, its scene, and the chamber of a crusher.
 Formula = Callable[[Statistics | PeriodicOrbit, Any, Any], Scalar]
 
 
 @dataclass(frozen=True)
 class Objective:
-    """A number to minimise: unit, meaning, the statistics it needs, and how it follows from them.
+    """A number to minimise: its unit, its meaning, the statistics it needs, and its formula.
 
-    `formula` takes the statistics of a motion or of an orbit, its scene and the crusher's chamber,
-    which is None of another linkage.
+    `formula` takes the statistics of a motion or of an orbit, its scene, and the crusher's chamber,
+    which is None for another linkage.
     """
 
     unit: str
     meaning: str
     outputs: tuple[str, ...]
     formula: Formula
-    lowest: float = 0.0  # it cannot be less
-    name: str = ""  # as options name it
+    lowest: float = 0.0  # lower bound of the objective
+    name: str = ""  # its name in the options
 
 
 def plain(name: str, known: Mapping[str, Statistic] = STATISTIC) -> Objective:
-    """Return the objective that is a statistic as it is, one of those that are `known`."""
+    """Return a statistic as an objective, by its name in `known`."""
     statistic = known[name]
-    # Of a size; a mean may be of what has a sign.
+    # An RMS or a peak is not negative; a mean may be.
     lowest = 0.0 if statistic.reduction in (PowerMean(2), PEAK) else -math.inf
     return Objective(
         statistic.unit, statistic.meaning, (name,), lambda found, *_: found[name], lowest
@@ -49,15 +49,15 @@ def plain(name: str, known: Mapping[str, Statistic] = STATISTIC) -> Objective:
 
 
 def own_objective(text: str) -> Objective:
-    """Return the objective that `module:NAME` names, of a module that Python finds.
+    """Return the objective with the name `module:NAME`, from a module that Python finds.
 
-    Raises ValueError for a module that cannot be imported, and for what is no `Objective` there.
+    Raises ValueError for a module that cannot be imported, and if NAME is not an `Objective`.
     """
     module, _, name = text.partition(":")
-    importlib.invalidate_caches()  # it may have been written a moment ago
+    importlib.invalidate_caches()  # the module may be new
     try:
         found = getattr(importlib.import_module(module), name, None)
-    except Exception as error:  # the module is the user's, and may do anything while it is imported
+    except Exception as error:  # the import of a user's module may raise any error
         why = str(error) if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
         raise ValueError(f"Argument `objective` must name a module, but {text}: {why}.") from error
     good = isinstance(found, Objective)
@@ -67,26 +67,26 @@ def own_objective(text: str) -> Objective:
 
 
 def _excess(statistics: Statistics | PeriodicOrbit, scene: jc.Scene, _) -> Scalar:
-    """The RMS less that of the same machine with an ideal joint."""
+    """Return the RMS minus the RMS of the same machine with ideal joints, N."""
     return statistics.foundation_rms - jc.periodic_orbit(scene.ideal()).foundation_rms
 
 
 def _expected(found: Statistics | PeriodicOrbit, scene: jc.Scene, _) -> Scalar:
-    """The RMS that a rough feed makes of an orbit.
+    """Return the RMS (N) of an orbit that is expected under a rough feed.
 
-    NaN of a motion that is integrated, which is one under the mean load, and of an orbit that loses
-    contact more than once in `TURNS`: the response to the feed is then not linear.
+    It is NaN for an integrated motion, which has the mean load, and for an orbit that loses contact
+    more than once in `TURNS`: its response to the feed is not linear.
     """
     if not isinstance(found, PeriodicOrbit):
         return jnp.full_like(found.foundation_rms, jnp.nan)
-    if scene.steady() is scene:  # a free scatter at its bound 0
+    if scene.steady() is scene:  # the scatter is 0
         return found.foundation_rms
     response = jc.feed_response(replace(found, scene=replace(found.scene, pushes=scene.pushes)))
     return nan_unless(response.losses <= 1 / TURNS, response.expected_rms)
 
 
 def _per_volume(name: str) -> Formula:
-    """A power (W) for each volume crushed, in J/m3."""
+    """Return the formula of a power (W) over the crushed volume, in J/m3."""
 
     def formula(statistics, scene, chamber):
         return per_volume(statistics[name], chamber.capacity(scene.drive.speed))
@@ -94,14 +94,14 @@ def _per_volume(name: str) -> Formula:
     return formula
 
 
-# Objectives of a frame on supports: what it passes to the ground, and how it moves.
+# Objectives of a frame on supports: its force on the ground, and its motion.
 OF_SUPPORTS = (
     "transmitted_rms",
     "transmitted_peak",
     "frame_displacement_peak",
     "frame_velocity_rms",
 )
-# A crusher's objectives by name. One of your own is an `Objective` that `module:NAME` names.
+# A crusher's objectives by name. `module:NAME` names an `Objective` of your own.
 OBJECTIVES = {
     "rms": plain("foundation_rms"),
     "peak": plain("foundation_peak"),

@@ -1,4 +1,4 @@
-"""From the options of a search to its problem: all that may be wrong with them is said here."""
+"""From the options of a search to its problem. This module reports all wrong options."""
 
 import math
 from collections.abc import Mapping
@@ -33,7 +33,7 @@ from optimize.ask.sets import SETS, SETS_OF, Bounds, ranges, sets, written_bound
 
 # The paper's choice, Section 5.3.
 SEED_SPEED, SEED_CLEARANCE = 39.0, 0.03e-3
-# Options that do not decide the answer, or do by what they are read as.
+# Options that do not decide the answer, or whose resolved values stand in the settings instead.
 KEPT_APART = (
     "seconds",
     "scheduler",
@@ -47,7 +47,7 @@ KEPT_APART = (
     "limit",
     "bulk_density",
 )
-# Options of a crusher: a linkage has its numbers and laws by --set and --design alone.
+# Options of a crusher alone: numbers and laws of a linkage are given by --set and --design.
 _OF_A_CRUSHER = (
     "speed",
     "clearance",
@@ -58,13 +58,13 @@ _OF_A_CRUSHER = (
     "load_law",
     "impact_velocity",
 )
-# What describes sliding steel, which a roller bearing is not, and the laws without a `load`.
+# Parameters of sliding steel, which a roller bearing does not use, and the laws without a `load`.
 OF_SLIDING = ("friction", "slip", "restitution", "young", "poisson", "impact_velocity")
 WITHOUT_LOAD = ("none", "by_angle", "chamber")
 
 
 def resolve(options: Options) -> DesignProblem:
-    """Return the problem of some options.
+    """Return the problem that the options describe.
 
     Raises ValueError for a value outside its limits, before anything is compiled.
     """
@@ -108,7 +108,7 @@ def resolve(options: Options) -> DesignProblem:
 
 
 def tell(problem: DesignProblem, path: Path | None) -> None:
-    """Print on standard error what is unusual in a machine, and what its file leaves open."""
+    """Print on standard error unusual numbers of the machine, and numbers that its file omits."""
     machine, free = problem.design.machine, dict(problem.reference)
     for name in CounterweightMoment.inputs:
         free.pop(name, None)
@@ -118,10 +118,10 @@ def tell(problem: DesignProblem, path: Path | None) -> None:
 def _asked(
     options: Options, usual: str, design: Design, chamber: CrushingChamber | None, scene: Scene
 ) -> DesignProblem:
-    """Return the problem of a box of designs, of which `scene` is one: its objective and limits.
+    """Return the problem of a box of designs, with objective and limits; `scene` is of one design.
 
-    The objective is a crusher's, a statistic as it is, or one of your own; `usual` where none is
-    named.
+    The objective is one of a crusher, a statistic, or one of your own. `usual` is the default.
+    Raises ValueError for an unknown objective, or one that the machine does not have.
     """
     name = options.objective or usual
     limits = read_limits(options.limit, scene)
@@ -142,16 +142,16 @@ def _asked(
 
 
 def _crusher(options: Options) -> DesignProblem:
-    """Return the crusher that is searched, and its box."""
+    """Return the problem of a crusher, with its box and the floor of its capacity."""
     described = _description(options)
     machine = Machine(Crusher(), described)
     free, written = _bounds(options, machine), written_bounds(options, machine)
     _require_felt(options, described, {*written})
-    # A set keeps the stroke of the machine that it begins with.
+    # With a set, every design has the stroke of the described machine.
     kept_stroke = EqualStroke.of(described) if sets(options) else None
     design = Design(free, machine, kept_stroke)
     reference, compared_with = _reference(options, described, free)
-    # Sets lie about the machine's own numbers, other ranges anywhere.
+    # The bounds of sets lie around the machine's numbers; other ranges may lie anywhere.
     lowest = reference | {name: low for name, (low, _) in written.items()}
     corner = described | design.completed(lowest)
     with naming(options.scene, corner):
@@ -161,8 +161,8 @@ def _crusher(options: Options) -> DesignProblem:
         require_clearance(free["clearance"][1], bore)
     chamber, floor = build_chamber(described), options.capacity_floor
     if floor is None:
-        # The greatest, which is that at the lowest speed of the box (25 rad/s in the paper), over
-        # the factor of affluence; m3/h.
+        # The greatest capacity (m3/h), at the lowest speed of the box (25 rad/s in the paper), over
+        # the factor of affluence.
         slowest = free.get("speed", (described.get("speed", PE250X400["speed"]),))[0]
         floor = float(chamber.capacity(slowest)) / AFFLUENCE
     return replace(
@@ -174,10 +174,10 @@ def _crusher(options: Options) -> DesignProblem:
 
 
 def _linkage(options: Options) -> DesignProblem:
-    """Return the linkage of a scene file, with the numbers that lines `--design` free.
+    """Return the problem of a scene file's linkage, whose `--design` options name free numbers.
 
-    It is compared with the file's own numbers. Raises ValueError of one line for options of a
-    crusher, no line `--design`, a number that the file does not have, and ideal joints.
+    The optimum is compared with the file's own numbers. Raises ValueError for options of a crusher,
+    without `--design`, for a number that the file does not have, and for ideal joints.
     """
     for name in _OF_A_CRUSHER:
         value = getattr(options, name)
@@ -191,10 +191,10 @@ def _linkage(options: Options) -> DesignProblem:
     values, scene, free = found.values, found.scene(), _bounds(options, found)
     for name, (_, high) in free.items():
         require(name in found.numbers, "design", "name numbers that the scene file gives", name)
-        found.replace(**{name: high})  # which refuses a number without what it comes with
+        found.replace(**{name: high})  # raises ValueError if the number needs another one
         joint, _, key = name.rpartition(".")
         if key == "clearance":
-            bore = values.get(f"{joint}.bore_radius", math.inf)  # a guide has none
+            bore = values.get(f"{joint}.bore_radius", math.inf)  # a guide has no bore
             require_clearance(high, bore, f"{joint}.")
     require(not scene.is_ideal, "scene", "have a joint with clearance", "ideal joints")
     design = Design(free, found)
@@ -232,7 +232,7 @@ def _check_numbers(options: Options) -> None:
 
 
 def _require_used(options: Options) -> None:
-    """ValueError for an option that another one makes idle, or a line `--design` of no kind."""
+    """Raise ValueError for an option that another one makes unused, or an unknown `--design`."""
     names = [key_of(name) for name, _, _ in ranges(options)]
     require(len(set(names)) == len(names), "design", "name every parameter once", names)
     words = sets(options)
@@ -258,19 +258,19 @@ def _require_used(options: Options) -> None:
 
 
 def _require_felt(options: Options, described: dict[str, Any], free: set[str]) -> None:
-    """ValueError for an option, or a number of its own line `--design`, that no law uses."""
+    """Raise ValueError for an option, or a single number of `--design`, that no law uses."""
     idle = _idle(described)
     if described.get("friction") == 0 and "friction" not in free:
         idle["slip"] = "friction=0"
     for name, why in idle.items():
-        # The option chooses the law too.
+        # The option impact_velocity itself chooses this law.
         option = None if why == "impact_law=tracked" else getattr(options, name, None)
         given = name in free or option is not None
         require(not given, name, f"not be given with `{why}`, which does not use it", "given")
 
 
 def _idle(described: Mapping[str, Any]) -> dict[str, str]:
-    """Return numbers that no law of a description uses, and because of which choice."""
+    """Return the numbers that no law of a description uses, each with the choice as its reason."""
     names = "contact_law", "load_law", "impact_law"
     law, idle = {name: described.get(name, PE250X400[name]) for name in names}, {}
     if law["impact_law"] == "tracked":
@@ -283,9 +283,9 @@ def _idle(described: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _require_not_set(options: Options) -> None:
-    """ValueError for `--set` of a number that is free, or that another option gives.
+    """Raise ValueError for `--set` of a number that is free, or that another option gives.
 
-    The numbers of a set may be given: it frees them about their values.
+    `--set` may give the numbers of a set, whose bounds lie around these values.
     """
     taken = {key_of(name) for name, _, _ in ranges(options)}
     given = ("slip", "friction", "load_law", "impact_velocity")
@@ -299,9 +299,9 @@ def _require_not_set(options: Options) -> None:
 
 
 def _bounds(options: Options, machine: Machine) -> Bounds:
-    """Return the free parameters with their bounds; single ones go before those of sets.
+    """Return the free parameters with their bounds; single bounds replace those of sets.
 
-    Of sets those are left out that no law uses.
+    Parameters of a set that no law uses are left out.
     """
     found, idle = Bounds(), _idle(machine.given)
     for word in sets(options):
@@ -311,7 +311,7 @@ def _bounds(options: Options, machine: Machine) -> Bounds:
 
 
 def _description(options: Options) -> dict[str, Any]:
-    """The crusher's other numbers and choices: the scene file's, then the options'."""
+    """Return the crusher's given numbers and choices; options replace the scene file's values."""
     choices = (("slip", options.slip), ("load_law", options.load_law))
     given = [(name, choice) for name, choice in choices if choice is not None]
     values: dict[str, Any] = read_scene_file(options.scene, (*options.overrides, *given))
@@ -337,11 +337,11 @@ def _description(options: Options) -> dict[str, Any]:
 def _reference(
     options: Options, described: dict[str, Any], free: Bounds
 ) -> tuple[dict[str, float], str]:
-    """Return the design to compare with, and what it is called.
+    """Return the design to compare with, and its name.
 
-    It is the paper's choice, or that of the scene file. A joint that is ideal there is loose in
-    every design of the box, and has the default clearance. A speed or clearance that is not free
-    may be another than the paper's choice, and is told.
+    The design is the paper's choice, or the scene file's. A joint that is ideal there is loose in
+    every design of the box, and has the default clearance. The name states a default, and a fixed
+    speed or clearance that differs from the paper's choice.
     """
     base, title = {**PE250X400, **described}, "scene file's choice"
     base |= CounterweightMoment().of(base)

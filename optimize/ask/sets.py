@@ -1,4 +1,4 @@
-"""Free numbers by lines `--design`: each with its range, or a set of them by one word."""
+"""Free parameters of `--design`: a single parameter with its range, or a set by its name."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from optimize.ask.options import Options
 # Name -> lowest and highest value, in SI units.
 Bounds = dict[str, tuple[float, float]]
 LINKS = ("toggle.length", "bearing.distance", "bearing.inclination", "jaw.length")
-# What `machine` frees beside the numbers of `balance`.
+# The parameters of the set `machine` besides those of `balance`.
 PARTS = (
     "shaft.mass",
     "shaft.inertia",
@@ -30,10 +30,10 @@ PARTS = (
     "restitution",
 )
 SETS = ("balance", "machine")
-# A number of links or parts may change by this share of itself. Beyond 5 % of the links the toggle
-# can come so flat that no eccentricity gives the stroke; beyond 10 % the restitution passes 1.
+# A number of links or parts may change by this share of its value. With more than 5 % of the links
+# no eccentricity may give the stroke (flat toggle); with more than 10 % restitution may exceed 1.
 OF_LINKS, OF_PARTS = 0.05, 0.1
-# A flywheel of the PE250x400 has room for it; both at 14 kg m are 200 kg at the smallest radius.
+# A flywheel of the PE250x400 has room for this; both parts at 14 kg m are 200 kg at 0.1 m.
 COUNTERWEIGHT = {
     **dict.fromkeys(CounterweightMoment.inputs, (-14.0, 14.0)),
     "counterweight.radius": (0.1, 0.35),
@@ -45,7 +45,7 @@ DISTANCE, ANGLE = 0.1, float(np.radians(10))
 def of_crusher(word: str, machine: Machine) -> Bounds:
     """Return the 9 free numbers of `balance` or the 21 of `machine`, with their bounds.
 
-    Bounds lie about the machine's own numbers, but for those of the counterweight.
+    The bounds lie around the machine's own numbers, except for the counterweight.
     """
     values = machine.values
     angle = values["jaw.mass_centre_angle"]
@@ -60,11 +60,11 @@ def of_crusher(word: str, machine: Machine) -> Bounds:
 
 
 def of_linkage(word: str, machine: Machine) -> Bounds:
-    """Return mass centres as `balance`; `machine` has masses, inertias and bearings as well.
+    """Return bounds of mass centres for `balance`; `machine` adds masses, inertias and bearings.
 
-    Joints stay where they are on their bodies, and so the motion stays. The mass centre of a body
-    may move by a tenth of how far its joints reach from its origin, that of the crank, which bears
-    counterweights, by all of that.
+    Joints stay in place on their bodies, so the motion stays the same. A mass centre may move by a
+    tenth of the distance from the body's origin to its farthest joint. The mass centre of the
+    crank, which carries counterweights, may move by the whole distance.
     """
     drawing, values, found = machine.structure, machine.values, Bounds()
     assert isinstance(drawing, LinkageStructure)
@@ -88,12 +88,12 @@ def of_linkage(word: str, machine: Machine) -> Bounds:
     return found
 
 
-# Kind of machine -> its sets.
+# Kind of machine -> the function that returns its sets.
 SETS_OF = {Crusher: of_crusher, LinkageStructure: of_linkage}
 
 
 def sets(options: Options) -> list[str]:
-    """Return the sets that lines `--design` name; ValueError for one of neither kind."""
+    """Return the names of sets in `--design`; ValueError unless a line has one or three words."""
     for words in options.design:
         must = f"be NAME LOW HIGH, or one of {', '.join(SETS)}"
         require(len(words) in (1, 3), "design", must, " ".join(words))
@@ -101,7 +101,7 @@ def sets(options: Options) -> list[str]:
 
 
 def ranges(options: Options) -> list[tuple[str, str, str]]:
-    """Return the ranges of single parameters as they are written."""
+    """Return the ranges of single parameters as text: name, lowest and highest value."""
     if not options.design:
         return [("speed", *options.speed), ("clearance", *options.clearance)]
     lines = (words for words in options.design if len(words) == 3)
@@ -111,7 +111,7 @@ def ranges(options: Options) -> list[tuple[str, str, str]]:
 def written_bounds(options: Options, machine: Machine) -> Bounds:
     """Return the bounds of single parameters of a machine, in SI units.
 
-    Raises ValueError for unknown names, for values without a unit, and for no LOW < HIGH.
+    Raises ValueError for unknown names, for values without a unit, and unless LOW < HIGH.
     """
     found = {}
     for name, low, high in ranges(options):

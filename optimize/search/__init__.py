@@ -1,1 +1,1 @@
-"""How the answer is found: maps, descents, long runs, bounds and fronts."""
+"""The search for the answer: maps, descents, long runs, bounds and fronts."""

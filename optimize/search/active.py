@@ -9,20 +9,20 @@ from optimize.ask.limits import OF_ORBIT
 from optimize.ask.problem import DesignProblem
 from optimize.search.orbits import values_and_slopes, widths
 
-# A coordinate of the unit box this near its end is at it: rounding.
+# A coordinate of the unit box this near to its end is at the end: the rest is rounding.
 AT_LIMIT = 1e-12
-# A capacity this near its floor, as a share of it, stands at it: what a descent leaves.
+# A capacity this near to its floor, as a share of it, is at the floor: the error of a descent.
 AT_FLOOR = 1e-8
 
 
 def active_constraints(
     problem: DesignProblem, best: Confirmed
 ) -> tuple[tuple[Active, ...], dict[str, float]]:
-    """Return the active constraints with their multipliers, and the slopes that remain.
+    """Return the active constraints with their multipliers, and the remaining slopes.
 
-    A multiplier is by how much the objective would fall per unit. The slopes, per unit of each
-    free parameter, are those left after the constraints on the capacity and on statistics have
-    taken their parts. At a minimum they vanish.
+    A multiplier is the decrease of the objective per unit of the constrained quantity. The slopes,
+    per unit of each parameter that is not at an active bound, are those of the Lagrangian with the
+    capacity and the limited statistics. They vanish at a minimum. Without an orbit both are empty.
     """
     if best.orbit is None:
         return (), {}
@@ -33,14 +33,14 @@ def active_constraints(
     free, found = ~(lowest | highest), []
     standing = _standing(problem, best, at)
     if standing:
-        # The multipliers that leave the free slopes nearest to zero, none of them negative.
+        # The multipliers are not negative, and make the remaining free slopes least.
         normals = np.stack([normal for _, _, normal, _ in standing], axis=1)
-        if not np.isfinite(np.column_stack([normals, slopes])).all():  # nothing can be balanced
+        if not np.isfinite(np.column_stack([normals, slopes])).all():  # no multipliers exist
             return (), dict.fromkeys(names, float("nan"))
         sizes = np.linalg.norm(normals[free], axis=0)
         sizes = np.where(sizes > 0, sizes, np.inf)
         multipliers = np.zeros(len(standing))
-        if free.any():  # of no rows SciPy returns whatever its memory holds
+        if free.any():  # for zero rows SciPy returns uninitialised memory
             multipliers = scipy.optimize.nnls(normals[free] / sizes, slopes[free])[0] / sizes
         slopes = slopes - normals @ multipliers
         found += [
@@ -61,7 +61,7 @@ def active_constraints(
 def _standing(
     problem: DesignProblem, best: Confirmed, at: Float[np.ndarray, " n"]
 ) -> list[tuple[str, str, Float[np.ndarray, " n"], str]]:
-    """Return what stands at its floor or limit, at which end, its slope inwards, and its unit.
+    """Return the quantities at their floor or limit: name, end, slope inwards, and unit.
 
     Slopes are by the axes of the unit box.
     """

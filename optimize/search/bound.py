@@ -1,8 +1,9 @@
 """A bound of how far below the optimum the least objective of its box may lie.
 
-Points of the map are the corners of cells. A cell that may hold less than the optimum, by more than
-is asked, is halved, and its new corners are solved for. Points without a stable orbit are run, and
-waited for only if their runs do not keep them above the optimum.
+Points of the map are the corners of cells. A cell whose objective may be below the optimum by more
+than `within` is halved, and the orbits of its new corners are solved for. At points without a
+stable orbit long runs are made. A longer search for their orbits follows only if the runs may lie
+below the optimum.
 """
 
 from dataclasses import dataclass, replace
@@ -22,21 +23,21 @@ from optimize.search.evaluate import NOWHERE, Rows, Tracking
 from optimize.search.landscape import counting
 from optimize.search.orbits import solve, widths
 
-# Orbits that are solved for besides the map's at most, and how many a halved cell takes, about.
+# Greatest number of orbits besides those of the map, and about how many a halved cell needs.
 MOST, OF_A_CELL = 1500, 3
-# More points without a stable orbit than these are of a box whose motions are of another kind: none
-# of them is run.
+# With more points without a stable orbit than this, the box has another kind of motion, and none of
+# these points is run.
 MOST_OPEN = 64
-# What second derivatives hide of a cell is nothing below this share of what is asked for: rounding.
+# An effect of second derivatives below this share of `within` is rounding.
 NOTHING = 1e-3
-# Places of the unit box so near are one point.
+# Places of the unit box at most this far apart are the same point.
 SAME = 1e-9
 
 
 class Points:
-    """Points of the unit box, and what is known of the motions there.
+    """Points of the unit box, with the known objectives and slopes of their motions.
 
-    `runs` are those that points without a stable orbit get.
+    `runs` describes the long runs of points without a stable orbit.
     """
 
     def __init__(
@@ -51,16 +52,16 @@ class Points:
         self._tracking = replace(tracking, progress=NOWHERE.progress)
         self.begun, self.places = len(places), np.zeros((0, places.shape[1]))
         self.values, self.least, self.slopes = np.zeros(0), np.zeros(0), np.zeros(places.shape)[:0]
-        self.open: dict[int, OpenPoint] = {}  # points that runs speak for, by their number
+        self.open: dict[int, OpenPoint] = {}  # points judged by runs, by their number
         self.waited: set[int] = set()
         self.add(places, rows)
 
     def __len__(self) -> int:
-        """Count them."""
+        """Return the number of points."""
         return len(self.places)
 
     def add(self, places: Float[np.ndarray, "points n"], rows: Rows) -> None:
-        """Join points with what `optimize.search.orbits.solve` told of them."""
+        """Add points with their rows from `optimize.search.orbits.solve`, and run the open ones."""
         which = np.arange(len(self), len(self) + len(places))
         self.places = np.concatenate([self.places, places])
         nothing = np.full(len(places), np.nan)
@@ -71,10 +72,10 @@ class Points:
             self._run(which[left], {name: column[left] for name, column in rows.items()})
 
     def _put(self, which: Int[np.ndarray, " some"], rows: Rows) -> Bool[np.ndarray, " some"]:
-        """Take values and slopes from rows, and return which have no stable orbit.
+        """Store values and slopes from rows, and tell which points have no stable orbit.
 
-        Nothing is known of a point that breaks a constraint, and no run is needed (infinite) where
-        an orbit counts.
+        A stable orbit that breaks a constraint, and any orbit below the capacity's floor, leave
+        NaN. Where an orbit counts, `least` is infinite: no run is needed.
         """
         stable, counts = (np.asarray(rows[name], bool) for name in ("stable", "counts"))
         open_ = ~stable & self.problem.reaches(self.problem.capacity(self.places[which]))
@@ -87,7 +88,7 @@ class Points:
         return open_
 
     def _run(self, which: Int[np.ndarray, " some"], rows: Rows) -> None:
-        """Let runs from both starts speak for points."""
+        """Judge points by long runs from both starts."""
         runs = long_runs(self.problem, self.places[which], self._runs, self._tracking)
         for i, (n, row) in enumerate(zip(which.tolist(), runs, strict=True)):
             least = _least(row["objective"], self.problem.objective.lowest)
@@ -96,7 +97,7 @@ class Points:
             self.least[n] = least
 
     def at(self, cells: Cells) -> Int[np.ndarray, "cells corners"]:
-        """Return the numbers of the points at corners, which are solved for where they are new."""
+        """Return the numbers of the points at corners; orbits of new corners are solved for."""
         corners = cells.corners
         places = corners.reshape(-1, corners.shape[2])
         apart, at = scipy.spatial.KDTree(self.places).query(places)
@@ -108,7 +109,7 @@ class Points:
         return np.reshape(at, corners.shape[:2])
 
     def search_longer(self, which: Int[np.ndarray, " some"]) -> None:
-        """Wait for the orbits of points for as long as it takes, and name what has none."""
+        """Search for the orbits of points with the usual effort; name motions without an orbit."""
         self.waited |= {*which.tolist()}
         rows = solve(self.problem, self.places[which], effort="usual", tracking=self._tracking)
         self._put(which, rows)
@@ -119,10 +120,10 @@ class Points:
     def lowest(
         self, cells: Cells, at: Int[np.ndarray, "cells corners"]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the least objective of orbits and of all motions near each corner of cells.
+        """Return lower bounds of the objective on orbits and on all motions near each corner.
 
-        With them comes what of it is curvature, by cell. A motion without an orbit may lie lower,
-        half a cell away, by `ROUGHER` times what orbits beside it may fall.
+        The third array is the effect of curvature in each cell. Half a cell away from a run, the
+        objective is assumed to be lower by at most `ROUGHER` times the fall of orbits beside it.
         """
         orbits, hidden = cells.lowest(at, self.values, self.slopes)
         falls = np.fmax.reduce(self.values[at] - orbits, axis=1)
@@ -132,16 +133,16 @@ class Points:
 
 
 def _least(objective: Float[np.ndarray, "starts runs"], lowest: float) -> float:
-    """Return the lower end of the intervals of all starts, NaN where a run has no number.
+    """Return the least lower end of the starts' intervals; NaN if a run has no objective.
 
-    The interval of two runs is so wide that it may reach below the `lowest` that there can be.
+    The wide interval of two runs may reach below the objective's lower bound `lowest`.
     """
     ends = [mean - width for mean, width in map(interval, objective)]
     return float(np.maximum(np.min(ends), lowest))
 
 
 def _motion(rows: Rows, i: int) -> str:
-    """Say why a point has no stable orbit and, where it was waited for, what the motion is."""
+    """Say why a point has no stable orbit and, after a longer search, name its motion."""
     said = {name: column[i] for name, column in rows.items()}
     verdict = "is not known to be stable" if said["undecided"] else "is unstable"
     why = said["failure"] or (
@@ -157,20 +158,21 @@ def _motion(rows: Rows, i: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """Cells of the box after their refinement."""
+    """The cells of the box after their refinement."""
 
     points: Points
     cells: Cells
     at: Int[np.ndarray, "cells corners"]  # numbers of the points at corners
-    # Second derivatives about the optimum, as a multiple of those measured in the cells before;
-    # infinite if too many orbits were needed.
+    # Second derivatives near the optimum, as a multiple of those measured in the previous cells;
+    # infinite if no halved cells confirmed them.
     rougher: float
 
 
 def refined(points: Points, cells: Cells, best: Confirmed, within: float) -> Refined:
-    """Halve cells that may hold an objective more than `within` below the best.
+    """Halve cells that may contain an objective more than `within` below the best.
 
-    Those about it are then halved until second derivatives are no larger than they were assumed.
+    Then halve cells near the optimum until second derivatives are within the assumed factor, or
+    `MOST` orbits are solved for.
     """
     place, floor = points.problem.design.unit(best.values), best.objective - within
     assumed = np.zeros(0)
@@ -187,7 +189,7 @@ def refined(points: Points, cells: Cells, best: Confirmed, within: float) -> Ref
         if asked:
             points.search_longer(np.array(sorted(asked)))
             continue
-        # Where a number itself is below, smaller cells do not help.
+        # If the objective of a corner itself is below the floor, smaller cells do not help.
         chosen &= (np.fmin(points.values, points.least)[at] >= floor).all(axis=1)
         confirms = not chosen.any()
         if confirms:
@@ -197,16 +199,16 @@ def refined(points: Points, cells: Cells, best: Confirmed, within: float) -> Ref
             return Refined(points, cells, at, rougher)
         order = np.argsort(np.where(chosen, lowest, np.inf), kind="stable")
         chosen[order[room:]] = False
-        # Of cells half as large, in the same second derivatives.
+        # The effect of the same second derivatives in cells half as large.
         assumed = np.repeat(hidden[chosen] / 4, cells.corners.shape[1] if confirms else 0)
         cells = cells.halved(chosen)
 
 
 def optimality_bound(found: Refined, best: Confirmed) -> Bound:
-    """Bound the objective between points by the values and slopes there.
+    """Bound the objective between points by the values and slopes at the points.
 
-    The best may be judged by another motion than when cells were refined: the bound is of what it
-    is judged by now.
+    The bound is relative to the present objective of `best`, which a worse motion may have raised
+    since the refinement.
     """
     points, at, rougher = found.points, found.at, found.rougher
     orbits, motions, hidden = points.lowest(found.cells, at)
@@ -220,7 +222,7 @@ def optimality_bound(found: Refined, best: Confirmed) -> Bound:
         )
         return Bound(None, None, unsaid, gain, statement)
     of_orbits = max(0.0, best.objective - float(np.nanmin(orbits)))
-    # Of a cell whose corners lie above the optimum they hide more than it may hold below it.
+    # If the corners lie above the optimum, curvature exceeds the possible fall below it.
     hides = float(hidden[np.nanargmin(np.fmin.reduce(orbits, axis=1))])
     curvature = min(of_orbits, hides)
     problem = points.problem
@@ -254,7 +256,7 @@ def optimality_bound(found: Refined, best: Confirmed) -> Bound:
 
 
 def unbounded(problem: DesignProblem, maps: Maps, best: Confirmed) -> Bound | None:
-    """Return what stands for a bound where none can be computed, or None."""
+    """Return the reason as a `Bound` if no bound can be computed, else None."""
     mapped = maps.orbits
     if mapped is None or not mapped.counts.any():
         unsaid = 0 if mapped is None else int((~mapped.counts).sum())
@@ -268,7 +270,7 @@ def unbounded(problem: DesignProblem, maps: Maps, best: Confirmed) -> Bound | No
             "The best of what was tried: it does not come to its periodic orbit from every start, "
             "and nothing is said of what lies between."
         )
-        # Beside the points that descents may begin at.
+        # Compare only with points where descents may start.
         begun = counting(maps.landscape, maps.cells, maps.points)
         values = mapped.objective.where(mapped.counts).to_numpy().ravel()[begun]
         least = np.fmin.reduce(values, initial=np.inf)
@@ -286,18 +288,18 @@ def unbounded(problem: DesignProblem, maps: Maps, best: Confirmed) -> Bound | No
 
 
 def _at_most(value: float, unit: str) -> str:
-    """Return a bound rounded up to two digits, and its unit."""
+    """Return a bound rounded up to two digits, with its unit."""
     up = Context(prec=2, rounding=ROUND_CEILING)
     return quantity(float(up.create_decimal(repr(float(value)))), unit)
 
 
 def _about(value: float, unit: str) -> str:
-    """Return two digits of a number, and its unit."""
+    """Return a number rounded to two digits, with its unit."""
     return quantity(float(f"{value:.2g}"), unit)
 
 
 def _against(best: Confirmed, least: float, unit: str) -> str:
-    """Return where the least of runs lies, and what that says of the optimum."""
+    """Return how far the `least` objective of runs lies from the optimum, and what it means."""
     above = least - best.objective
     if above >= 0:
         return f"{_about(above, unit)} above the optimum"

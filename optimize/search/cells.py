@@ -1,6 +1,6 @@
-"""Cells of the unit box, and the least that a function can be in each of them.
+"""Cells of the unit box, and lower bounds of a function in each cell.
 
-A cell's corners are points where the function's value and its exact slopes are known.
+At the corners of a cell the function's value and its exact slopes are known.
 """
 
 import itertools
@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-# Second derivatives within a cell may exceed those measured in it and beside it by this factor.
+# Assumed factor of the second derivatives in a cell over those measured in it and its neighbours.
 ROUGHER = 2.0
 
 
@@ -28,7 +28,7 @@ class Cells(NamedTuple):
 
     @property
     def corners(self) -> Float[np.ndarray, "cells corners n"]:
-        """Return the places of the corners, the last axis fastest."""
+        """Return the places of the corners; the last axis varies fastest."""
         return self.low[:, None] + self.sizes[:, None] * self._ends
 
     @property
@@ -36,21 +36,21 @@ class Cells(NamedTuple):
         return np.array([*itertools.product((0, 1), repeat=self.low.shape[1])])
 
     def halved(self, which: Bool[np.ndarray, " cells"]) -> "Cells":
-        """Return cells of which some are halved along each axis: these stand behind the others."""
+        """Return the cells with some halved along each axis; the halves follow the other cells."""
         half = self.sizes[which, None] / 2
         low = self.low[which, None] + half * self._ends
         halves = (part.reshape(-1, low.shape[2]) for part in (low, half + 0 * low))
         return Cells(*(np.concatenate([a[~which], b]) for a, b in zip(self, halves, strict=True)))
 
     def hold(self, place: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " cells"]:
-        """Tell which cells hold a place, at their edge or inside."""
+        """Tell which cells contain a place, inside or at an edge."""
         apart = np.abs(place - self.low - self.sizes / 2)
         return np.all(apart <= self.sizes * (0.5 + 1e-6), axis=1)
 
     def bends(self, slopes: Float[np.ndarray, "cells corners n"]) -> Float[np.ndarray, "cells n n"]:
-        """Return the second derivatives in size, by differences of slopes along the edges.
+        """Return the absolute second derivatives, from differences of slopes along the edges.
 
-        Of parallel edges the largest counts; NaN where no edge has slopes at both ends.
+        The largest value of parallel edges counts. It is NaN if no edge has slopes at both ends.
         """
         count = self.low.shape[1]
         square = slopes.reshape(-1, *count * (2,), count)
@@ -62,7 +62,7 @@ class Cells(NamedTuple):
         return np.stack(by_axis, axis=2) / self.sizes[:, None]
 
     def hidden(self, bends: Float[np.ndarray, "cells n n"]) -> Float[np.ndarray, " cells"]:
-        """Return what second derivatives so large make within half a cell along each axis."""
+        """Return the greatest effect of such second derivatives within half a cell on each axis."""
         half = self.sizes / 2
         return np.einsum("cij,ci,cj->c", bends, half, half) / 2
 
@@ -72,15 +72,15 @@ class Cells(NamedTuple):
         values: Float[np.ndarray, " points"],
         slopes: Float[np.ndarray, "points n"],
     ) -> tuple[Float[np.ndarray, "cells corners"], Float[np.ndarray, " cells"]]:
-        """Return the least that the function can be near each corner, and what of it is curvature.
+        """Return a lower bound of the function near each corner, and its part due to curvature.
 
         Every place of a cell lies within half a cell of a corner, along each axis. There the
-        function is at least the corner's tangent less half the second derivatives times the
-        offsets: at most `ROUGHER` times those of this cell and of all that share a corner with it.
+        function is at least the corner's tangent minus the quadratic term. Its second derivatives
+        are at most `ROUGHER` times those of this cell and of all cells that share a corner with it.
         """
         bends = beside(self.bends(slopes[at]), at, len(values))
         hidden = self.hidden(ROUGHER * bends)
-        # The tangent falls where it leads into the cell.
+        # Only a slope that falls into the cell lowers the tangent.
         inwards = np.maximum(0.0, (2 * self._ends - 1) * slopes[at])
         fall = np.einsum("cki,ci->ck", inwards, self.sizes / 2)
         return values[at] - fall - hidden[:, None], hidden
@@ -89,9 +89,9 @@ class Cells(NamedTuple):
 def beside(
     numbers: Float[np.ndarray, "cells ..."], at: Int[np.ndarray, "cells corners"], points: int
 ) -> Float[np.ndarray, "cells ..."]:
-    """Return the largest of each cell's number and those of the cells that share a corner with it.
+    """Return for each cell the largest number of itself and of all cells that share a corner.
 
-    NaN counts as no number.
+    NaN is ignored.
     """
     largest = np.full((points, *numbers.shape[1:]), np.nan)
     np.fmax.at(largest, at, numbers[:, None])

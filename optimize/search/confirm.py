@@ -1,4 +1,4 @@
-"""Confirmation: long independent runs of the candidates, with confidence intervals."""
+"""Confirmation of the candidates by long independent runs, with confidence intervals."""
 
 from dataclasses import dataclass
 
@@ -23,28 +23,28 @@ from optimize.search import orbits
 from optimize.search.evaluate import NOWHERE, STARTS, Rows, Tracking, Window, evaluate
 
 CONFIDENCE = 0.95
-# Runs that a design is judged by last so many times longer than the landscape's, and are integrated
-# to this tolerance, in clearances.
+# Factor of the turns of long runs over those of the landscape, and the tolerance of long runs, in
+# clearances.
 LONGER, CONFIRM_RTOL = 3, 1e-8
-# Starts of independent runs are shifted at random by up to this many clearances: a swing or a
-# chaotic motion forgets it, a periodic one comes back to itself.
+# Starts of independent runs are shifted at random by up to this many clearances. A decaying or
+# chaotic motion forgets the shift.
 SHIFT = 0.05
 
 
 def interval(values: Float[np.ndarray, " runs"]) -> tuple[float, float]:
-    """Return the mean of independent runs and half of its 95 % confidence interval."""
+    """Return the mean of independent runs, and half the width of its 95 % confidence interval."""
     quantile = float(stdtrit(len(values) - 1, (1 + CONFIDENCE) / 2))
     return float(values.mean()), quantile * float(values.std(ddof=1)) / len(values) ** 0.5
 
 
 def long_window(effort: Effort) -> Window:
-    """Return the turns and the tolerance of the runs that a design is judged by."""
+    """Return the turns and the tolerance of the long runs."""
     return Window(LONGER * effort.settle, LONGER * effort.turns, CONFIRM_RTOL)
 
 
 @dataclass(frozen=True)
 class Repeats:
-    """Independent runs from each start: how many, their turns, and the seed of their shifts."""
+    """Independent runs from each start: their number, their turns, and the seed of their shifts."""
 
     runs: int
     window: Window
@@ -54,10 +54,10 @@ class Repeats:
 def long_runs(
     problem: DesignProblem, places: np.ndarray, repeats: Repeats, tracking: Tracking = NOWHERE
 ) -> list[Rows]:
-    """Run points (m, n) of the unit box for long, several times from each start.
+    """Make several long runs of points (m, n) of the unit box from each start.
 
-    The first run starts as the scene says, the others are shifted at random. Returns rows of
-    shape (starts, runs, ...) for each point.
+    The first run has the exact start; the starts of the others are shifted at random. Returns rows
+    of shape (starts, runs, ...) for each point.
     """
     rng, runs = np.random.default_rng(repeats.seed), repeats.runs
     shifts = rng.uniform(-SHIFT, SHIFT, (len(places), runs, 2))
@@ -75,7 +75,7 @@ def long_runs(
 def confirmed(
     problem: DesignProblem, unit: Float[np.ndarray, " n"], rows: Rows, orbit: Orbit | None
 ) -> Confirmed:
-    """Return a point of the unit box with its long runs and its orbit, and its objective."""
+    """Return the design at a point of the unit box, judged by its long runs and its orbit."""
     values = problem.design.numbers(unit)
     given = problem.design.completed(values)
     described = problem.design.whole(given)
@@ -98,7 +98,7 @@ def confirmed(
     objective, half_width = judged[worse]
     worst = runs[STARTS[worse]]
     forces = {name: float(worst.by_run[name].mean()) for name in problem.forces}
-    # On its way to an orbit that keeps the constraints a run may break them.
+    # A run may break the constraints before it settles on an orbit that keeps them.
     kept = orbit is not None and bool(keeps(problem, orbit.solution, OF_ORBIT))
     counts = bool(problem.reaches(problem.capacity(unit)))
     for start, of_start, well in zip(STARTS, rows["counts"], end_well(rows), strict=True):
@@ -127,17 +127,17 @@ def _crushing(problem: DesignProblem, scene: Scene, unit: np.ndarray) -> Crushin
     return Crushing(*(float(one) for one in (*sizes, *_strokes(scene.linkage))))
 
 
-@jax.jit  # one program in place of a hundred
+@jax.jit  # one program replaces a hundred
 def _strokes(linkage: Linkage) -> tuple[Scalar, Scalar]:
     return stroke(linkage), stroke_ratio(linkage)
 
 
 def _in_contact(by_run: Rows) -> bool:
-    """Tell whether no run left contact, so that all of them decay to the orbit."""
+    """Tell whether no run lost contact or failed, so that all runs converge to the orbit."""
     return bool(least_contact(by_run) >= ALL_THE_TIME and by_run["success"].all())
 
 
 def least_contact(by_run: Rows) -> float:
-    """Return the least share of time that a pin of any run was in contact."""
+    """Return the least share of time in contact, over all runs and all pins."""
     shares = [column for name, column in by_run.items() if name.endswith("contact_fraction")]
     return float(np.min(shares))

@@ -1,6 +1,6 @@
-"""The local stage: exact gradients on periodic orbits, fits where there are none.
+"""The local stage: descents by exact gradients on periodic orbits, or by fits without orbits.
 
-Many starts go down in lock-step, so that each round is one batch on all cores.
+Many starts descend in lock-step, so that each round is one batch on all cores.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,26 +17,26 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 # A step of the trust region must gain this many standard errors.
 SIGNIFICANT = 2.0
-# Radius of the first fit and of the last, as shares of the box.
+# Radius of the first and of the last fit, as shares of the box.
 FIRST_RADIUS, LAST_RADIUS = 0.2, 0.01
-# A descent ends where the projected gradient by the unit box is so small a share of the value.
+# A descent ends if the projected gradient in the unit box is below this share of the value.
 STATIONARY = 1e-9
 EXACT = {"gtol": STATIONARY, "ftol": 0.0}
-# With a constraint it ends where a step gains less than this share of the value.
+# A descent with constraints ends if a step gains less than this share of the value.
 SETTLED = 1e-14
-# In lock-step a step gains at least this share of what its slope promises, or the next is a quarter
-# as long. One that leaves more than half of the slope along it is followed by one ten times as long
-# as it was, any other by the whole step of L-BFGS.
+# In lock-step a step must gain at least the share `GAIN` of the decrease that its slope predicts,
+# else the next step is a quarter as long. If a step leaves more than half of the slope along it,
+# the next step is ten times as long; else it is the whole step of L-BFGS.
 GAIN, SHORTER, STEEP, LONGER = 1e-4, 0.25, 0.5, 10.0
-# The first step is no longer than half of the box, and steps below rounding end a descent.
+# The first step is at most half of the box, and a failed step below rounding ends a descent.
 FIRST_STEP, NO_STEP = 0.5, 1e-12
-# Ends of descents that lie nearer to each other, in shares of the box, are of one minimum.
+# Ends of descents nearer to each other than this share of the box are the same minimum.
 APART = 1e-2
-# Of a value of one rounding leaves so much.
+# The rounding error of a value, as a share of it.
 ROUNDING = 1e-15
 OPTIMISER = optax.scale_by_lbfgs(memory_size=10)
 
-# Values (m,) at points (m, n) from the starts of these numbers (m,).
+# Values (m,) at points (m, n), each from the random start with the given number (m,).
 Noisy = Callable[[np.ndarray, np.ndarray], np.ndarray]
 # Values (*batch) and gradients (*batch, n) at points (*batch, n) of the unit box.
 Smooth = Callable[[np.ndarray], tuple[Any, np.ndarray]]
@@ -44,7 +44,7 @@ Smooth = Callable[[np.ndarray], tuple[Any, np.ndarray]]
 
 @dataclass(frozen=True)
 class Descent:
-    """Points of the unit box, (steps + 1, n), the value at both ends and the gradient (n,)."""
+    """Points of the unit box, (steps + 1, n), values at both ends, and the last gradient (n,)."""
 
     path: np.ndarray
     first: float
@@ -54,7 +54,7 @@ class Descent:
 
 
 def above(number: Smooth, least: float) -> Smooth:
-    """Return by how much a number is above its least, as a share of that."""
+    """Return the margin of a number above its lower limit `least`, as a share of this limit."""
 
     def spare(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         value, slope = number(points)
@@ -64,7 +64,7 @@ def above(number: Smooth, least: float) -> Smooth:
 
 
 def negative(number: Smooth) -> Smooth:
-    """Return the negative of a number, which is to be large."""
+    """Return the negative of a number, to maximise the number."""
 
     def function(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         value, slope = number(points)
@@ -80,11 +80,11 @@ def descend_together(
     rounds: int,
     progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> list[Descent]:
-    """Go down from many starts in lock-step, inside the box from 0 to `upper`.
+    """Descend from many starts in lock-step, inside the box from 0 to `upper`.
 
-    Each round asks for one point of each descent that has not ended, all in one batch. Directions
-    are those of optax's L-BFGS without what pushes against a bound; steps are cut off at the box. A
-    NaN is a step that fails. `progress` is told how many have ended, of all.
+    Each round evaluates one point of each unfinished descent, all in one batch. Directions are
+    those of optax's L-BFGS without components that press against a bound; steps end at the box.
+    A step to NaN fails. `progress` gets the numbers of finished and of all descents.
     """
     tops, count = np.broadcast_to(upper, starts.shape), len(starts)
     points = np.clip(starts, 0, tops)
@@ -109,7 +109,7 @@ def descend_together(
         steps = trials - points[going]
         promised = np.sum(slopes[going] * steps, axis=1)
         rounding = ROUNDING * np.abs(values[going])
-        lower = there <= values[going] + GAIN * promised + rounding  # which NaN is not
+        lower = there <= values[going] + GAIN * promised + rounding  # false for NaN
         ended[going] |= ~lower & (np.abs(steps).max(axis=1) < NO_STEP)
         steep, moved = np.zeros(count, bool), np.zeros(count, bool)
         steep[going] = np.sum(rises * steps, axis=1) < STEEP * promised
@@ -118,7 +118,7 @@ def descend_together(
         points[new], values[new], slopes[new] = trials[lower], there[lower], rises[lower]
         for i in new.tolist():
             paths[i].append(points[i].copy())
-        # Only what has moved learns from it.
+        # Only descents that have moved update their memory.
         found = _directions(slopes / scales, known[1], points, tops)
         known = ways, _, left = jax.tree.map(partial(_where, moved), found, known)
         lengths = np.where(moved, np.where(steep, LONGER * lengths, 1.0), SHORTER * lengths)
@@ -138,10 +138,10 @@ def _where(which: Bool[np.ndarray, " starts"], new: Array, old: Array) -> np.nda
 def _directions(
     slopes: Float[Array, "starts n"], memory: PyTree, points: Float[Array, "starts n"], upper: Array
 ) -> tuple[Float[Array, "starts n"], PyTree, Float[Array, " starts"]]:
-    """Return directions downhill, what the next ones remember, and projected gradients."""
+    """Return descent directions, the new memory of L-BFGS, and norms of projected gradients."""
     held = ((points <= 0) & (slopes > 0)) | ((points >= upper) & (slopes < 0))
     free = jnp.where(held, 0.0, slopes)
-    # Differences of slopes along what is free now, and none where they do not rise.
+    # The memory takes differences along free coordinates, and only if the curvature is positive.
     places = jnp.where(held, points, memory.params)
     before = jnp.where(held, 0.0, memory.updates)
     rises = jnp.sum((free - before) * (points - places), axis=1, keepdims=True) > 0
@@ -158,7 +158,7 @@ def _directions(
 
 
 def apart(descents: Sequence[Descent]) -> list[Descent]:
-    """Return the descents whose ends lie `APART`, the best first; one without a value is none."""
+    """Return the descents with distinct ends (see `APART`), best first, without values of NaN."""
     found: list[Descent] = []
     for one in sorted(descents, key=lambda one: one.last):
         near = (np.abs(one.path[-1] - other.path[-1]).max() < APART for other in found)
@@ -174,10 +174,10 @@ def descend(
     steps: int,
     spares: Sequence[Smooth] = (),
 ) -> Descent:
-    """L-BFGS-B inside the box from 0 to `upper`, at most `steps` iterations.
+    """Descend by L-BFGS-B inside the box from 0 to `upper`, with at most `steps` iterations.
 
-    A NaN of `function` is a wall that the line search comes back from. A start without a value
-    stays where it is. Where there are `spares`, each must end at least 0: SLSQP sees to that.
+    The line search turns back where `function` is NaN. From a start with NaN there is no descent.
+    `spares` are constraints, which must not be below 0: then SLSQP replaces L-BFGS-B.
     """
     start = np.clip(start, 0, upper)
     first, slope = function(start)
@@ -209,7 +209,7 @@ def descend(
 def _constraint(spare: Smooth) -> dict[str, Any]:
     return {
         "type": "ineq",
-        "fun": lambda point: np.nan_to_num(spare(point)[0], nan=-1.0),  # broken, where nothing is
+        "fun": lambda point: np.nan_to_num(spare(point)[0], nan=-1.0),  # NaN breaks the constraint
         "jac": lambda point: spare(point)[1],
     }
 
@@ -223,17 +223,17 @@ def descend_by_fits(
     seed: int = 0,
     progress: Callable[[int, int], None] = lambda done, of: None,
 ) -> list[Descent]:
-    """Trust regions in lock-step, of an objective without a usable derivative, down to its noise.
+    """Descend by trust regions in lock-step, for a noisy objective without usable derivatives.
 
-    Each round fits planes to runs at opposite points of a box about each centre, `pairs` of them,
-    both runs of a pair from one random start; takes the step that lowers a plane most inside its
-    box; and keeps it if the mean over as many common random starts falls by more than two standard
-    errors of the paired difference. Otherwise the box is halved. All centres of a round are asked
-    for together. `progress` is told how many have ended, of all.
+    Each round fits a plane to `pairs` pairs of runs, at opposite points of a box about each centre.
+    Both runs of a pair have the same random start. The step goes down the plane's gradient to the
+    edge of the box. It is kept if the mean over as many common random starts falls by more than two
+    standard errors of the paired difference; else the box is halved. The pairs of all centres are
+    one batch. `progress` gets the numbers of finished and of all descents.
 
-    `objective` maps points (m, n) and starts' numbers (m,) to values (m,); one that fails is NaN.
+    `objective` maps points (m, n) and starts' numbers (m,) to values (m,), NaN for a failed run.
 
-    Paths are those of the centres, and values means over the common starts; slopes are not known.
+    Paths are those of the centres. Values are means over common starts, and gradients are NaN.
     """
     rng = np.random.default_rng(seed)
     centres = np.array(starts, dtype=float)
@@ -273,7 +273,7 @@ def descend_by_fits(
 
 
 def _gains(gains: Float[np.ndarray, "starts pairs"]) -> Bool[np.ndarray, " starts"]:
-    """Tell whether paired differences are numbers, and their mean is significantly above zero."""
+    """Tell whether paired differences are finite, and their mean is significantly above zero."""
     errors = gains.std(axis=1, ddof=1) / np.sqrt(gains.shape[1])
     return np.isfinite(gains).all(axis=1) & (gains.mean(axis=1) > SIGNIFICANT * errors)
 
@@ -285,7 +285,7 @@ def _downhill(
     offsets: Float[np.ndarray, "pairs n"],
     numbers: np.ndarray,
 ) -> Float[np.ndarray, "starts n"]:
-    """Down planes fitted to runs at opposite points, to the box's edge; NaN if too many fail."""
+    """Step down the gradients of fitted planes to the boxes' edges; NaN if too many runs fail."""
     sizes = radii[:, None, None] * offsets
     ends = np.clip(centres[:, None] + np.stack([sizes, -sizes]), 0, 1)
     repeated = np.tile(numbers, 2 * len(centres))

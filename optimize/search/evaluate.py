@@ -1,4 +1,4 @@
-"""Integrate designs from both starts, for their statistics and the objective."""
+"""Integration of designs from both starts, for their statistics and objectives."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -25,8 +25,8 @@ from optimize.ask.problem import DesignProblem
 if TYPE_CHECKING:
     import distributed
 
-# A machine may start either way: with its pin centred in the bore (hard impacts), and resting in
-# contact (quiet).
+# A machine may start with its pin in the middle of the bore (hard impacts), or at rest in contact
+# (quiet).
 STARTS = ("centred", "contact")
 
 Progress = Callable[[int, int], None]
@@ -35,17 +35,17 @@ Rows = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Tracking:
-    """Where a computation tells how much is done of how much, and where it computes and keeps it.
+    """The place where a computation reports its progress, saves its chunks, and runs.
 
-    Chunks are computed by the workers of a scheduler, or here, and kept in a journal.
+    Workers of a scheduler, or this process, compute the chunks, and a journal stores them.
     """
 
-    progress: Progress = lambda done, of: None  # told to nobody
+    progress: Progress = lambda done, of: None  # no report
     journal: Journal | None = None
     scheduler: "distributed.Client | None" = None
 
     def run(self, function: Callable[[Any], PyTree], batch: PyTree, chunk: int) -> PyTree:
-        """Compute a function of each of a batch, as `jaxcrusher.batch.engines.run_all` does."""
+        """Compute a function of each element of a batch by `jaxcrusher.batch.engines.run_all`."""
         return run_all(function, batch, chunk, **vars(self))
 
 
@@ -54,7 +54,7 @@ NOWHERE = Tracking()
 
 @dataclass(frozen=True)
 class Window:
-    """Turns before statistics start, turns they cover, and the tolerance of a step."""
+    """Turns before statistics start, turns that they cover, and the tolerance of a step."""
 
     settle: int
     turns: int
@@ -72,11 +72,10 @@ def evaluate(
 ) -> Rows:
     """Return the statistics of places of the unit box from both starts.
 
-    `shifts` moves the starts by so many clearances, and `chunk` is how many motions are integrated
-    between two reports of progress, on a GPU more. Rows have the shape (starts, points): the
-    columns of `jaxcrusher.sweep`, `objective` in its unit, the number of `steps`, `counts`, whether
-    the design may be chosen (see `constraints.of_runs`), and the `state` at the end,
-    (starts, points, dims), to go on from.
+    `shifts` move the starts, in clearances. `chunk` is the number of motions between two reports of
+    progress; a GPU takes more. Rows have the shape (starts, points): the columns of
+    `jaxcrusher.sweep`, `objective` in its unit, the number of `steps`, `counts` (whether the design
+    may be chosen, see `constraints.of_runs`), and the final `state`, (starts, points, dims).
     """
     moves = np.zeros((len(places), 2)) if shifts is None else shifts
     scenes = stacked_scenes(problem, jnp.asarray(places), jnp.asarray(moves))
@@ -92,7 +91,7 @@ def evaluate(
 
 
 def judged(rows: Found) -> np.ndarray:
-    """The objective of the worse start, shape (points,); NaN where either does not count."""
+    """Return the objective of the worse start, (points,); NaN unless both starts count."""
     worse = np.max(np.asarray(rows["objective"]), axis=0)
     return np.where(np.all(np.asarray(rows["counts"]), axis=0), worse, np.nan)
 
@@ -103,23 +102,23 @@ def started(
     start: str,
     shift: Iterable[ArrayLike] = (0.0, 0.0),
 ) -> Scene:
-    """The scene of the free parameters' values from one of the `STARTS`, `shift` clearances off.
+    """Return the scene of the free parameters' values, `shift` clearances off one of the `STARTS`.
 
-    With the start as numbers, the scenes of all starts run as one program. A rough feed's motions
-    are those under its mean load.
+    The start is stored as numbers, so the scenes of all starts share one program. A rough feed is
+    replaced by its mean load.
     """
     scene = design.build({**design.completed(values), "start": start}).steady()
     return _shifted(scene, Vector(*shift))
 
 
-_shifted = eqx.filter_jit(shifted_start)  # one program in place of a hundred
+_shifted = eqx.filter_jit(shifted_start)  # one program replaces a hundred
 
 
 @eqx.filter_jit
 def stacked_scenes(
     problem: DesignProblem, places: Float[Array, "points n"], shifts: Float[Array, "points 2"]
 ) -> Scene:
-    """The scenes of all points from one start, then from the other, stacked."""
+    """Return the stacked scenes of all points from the first start, then from the second."""
 
     def one(unit: Array, shift: Array, start: str) -> Scene:
         return started(problem.design, problem.design.values(unit), start, shift)

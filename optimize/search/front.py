@@ -1,4 +1,4 @@
-"""Pareto fronts by exact gradients: what the least of one number costs in another."""
+"""Pareto fronts of two numbers by exact gradients."""
 
 from collections.abc import Callable
 
@@ -11,9 +11,9 @@ from optimize.ask.problem import DesignProblem
 from optimize.search import orbits as periodic
 from optimize.search.descents import Smooth, above, descend, negative
 
-# Points of a front, from the least of one number to the least of the other.
+# Number of points of a front, from the minimum of one number to the minimum of the other.
 POINTS = 9
-# A gain in the second number of less than this share is none.
+# A gain in the second number below this share does not count.
 NO_GAIN = 1e-6
 
 
@@ -22,8 +22,8 @@ def fronts(
 ) -> tuple[Front, ...]:
     """Return the fronts against the capacity of a crusher, and against the rival of the problem.
 
-    `places` are the points of the map `orbits`, of which one counts at least; where none of them
-    gains anything in the other number, the optimum is all there is.
+    `places` are the points of the map `orbits`, of which at least one counts. If no point is better
+    in the other number, the front is the optimum alone.
     """
 
     def down(function: Smooth, start: np.ndarray, *further: Smooth) -> np.ndarray:
@@ -62,16 +62,16 @@ def front(
     best: Float[np.ndarray, " n"],
     down: Callable[..., Float[np.ndarray, " n"]],
 ) -> Float[np.ndarray, "points n"]:
-    """Points of the unit box where `one` is least for what `other` is, both to be small.
+    """Return points of the unit box on the Pareto front of `one` and `other`, both minimised.
 
-    From `least`, where `one` is, to where `other` is, which a descent from `best` finds. From
-    there on `other` is bounded by equal steps, and `one` goes down from the point before.
-    `down(function, start, *spares)` returns the end of a descent, where no spare is below 0. What
-    another point beats in both, as where descents may take few steps, is left out.
+    The front goes from `least`, the minimum of `one`, to the minimum of `other`, which a descent
+    from `best` finds. Between them an upper bound of `other` falls in equal steps, and `one`
+    descends from the previous point. `down(function, start, *spares)` returns the end of a descent,
+    where no spare is below 0. Dominated points, as after few steps of descents, are left out.
     """
     end = down(other, best)
     highest, lowest = other(least)[0], other(end)[0]
-    # What `other` does not depend on is free at its least too.
+    # Parameters that do not influence `other` are free at its minimum too.
     levels = np.linspace(highest, lowest + NO_GAIN * (highest - lowest), POINTS)
 
     def bounded(level: float, start: np.ndarray) -> np.ndarray:
@@ -85,9 +85,9 @@ def front(
 
 
 def nondominated(costs: Float[np.ndarray, "points 2"]) -> Bool[np.ndarray, " points"]:
-    """The points that no other beats in both columns, which are to be small; NaN never wins.
+    """Tell which points no other point dominates in both columns, which are minimised.
 
-    Of equal points all stay.
+    Points with NaN are never chosen. Equal points all stay.
     """
     finite = np.isfinite(costs).all(axis=1)
     front = np.zeros(len(costs), dtype=bool)

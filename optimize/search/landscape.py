@@ -1,4 +1,4 @@
-"""The global stage: every cell of a grid, or a Sobol sequence where a grid has too many."""
+"""The global stage: the points of a grid, or of a Sobol sequence for many parameters."""
 
 from collections.abc import Mapping, Sequence
 
@@ -17,7 +17,7 @@ from optimize.search.evaluate import STARTS, Rows, judged
 
 
 def points(design: Design, grid: tuple[int, int], samples: int, seed: int) -> np.ndarray:
-    """Points of the unit box, shape (points, n): a grid of one or two parameters, or Sobol's."""
+    """Return points (points, n) of the unit box: a grid of up to two parameters, or Sobol's."""
     count = len(design.names)
     if count > GRID_DIMENSIONS:
         from scipy.stats import qmc  # takes a second to import
@@ -28,7 +28,7 @@ def points(design: Design, grid: tuple[int, int], samples: int, seed: int) -> np
 
 
 def spread(places: Float[np.ndarray, "points n"], count: int) -> Float[np.ndarray, "some n"]:
-    """Return some of many points, evenly among them: `count`, or all if there are fewer."""
+    """Return `count` points, evenly chosen by their index, or all points if there are fewer."""
     which = np.linspace(0, len(places) - 1, min(count, len(places))).round().astype(int)
     return places[which]
 
@@ -38,8 +38,8 @@ def dataset(
 ) -> xr.Dataset:
     """Return rows of shape (starts, points, ...) as a labelled landscape.
 
-    Dims are `start` and the parameters of a grid, or `sample`. Columns as in `jaxcrusher.sweep`,
-    with `objective`, `counts`, `steps` and the `state` at the end.
+    Dims are `start` and the parameters of a grid, or `start` and `sample`. The columns are those
+    of `jaxcrusher.sweep`, with `objective`, `counts`, `steps` and the final `state`.
     """
     return labelled(problem.design, places, grid, rows, problem.columns, {"start": list(STARTS)})
 
@@ -52,9 +52,9 @@ def labelled(
     columns: Mapping[str, Column],
     first: Mapping[str, Sequence[str]] | None = None,
 ) -> xr.Dataset:
-    """Return the table of places of the unit box, whose dims become the grid's, or `sample`.
+    """Return the rows of places of the unit box with the dims of the grid, or with dim `sample`.
 
-    `first` is a dim before the points', with its labels.
+    `first` is a dim before those of the points, with its labels.
     """
     values = design.values(places)
     known = {**NUMBERS, **design.machine.numbers}
@@ -81,7 +81,7 @@ def labelled(
 
 
 def rows_of(dataset: xr.Dataset, points: int) -> Rows:
-    """Return the columns of a dataset of so many points, one after the other."""
+    """Return the columns of a dataset as rows, with one axis for all `points`."""
     columns = {name: values.to_numpy() for name, values in dataset.items()}
     shape = dataset.counts.shape
     return {
@@ -91,7 +91,7 @@ def rows_of(dataset: xr.Dataset, points: int) -> Rows:
 
 
 def worst(landscape: xr.Dataset) -> xr.DataArray:
-    """The objective of the worse start; NaN where a start does not count."""
+    """Return the objective of the worse start; NaN where a start does not count."""
     values = landscape.objective.isel(start=0, drop=True).copy(data=judged(landscape))
     values.attrs["long_name"] = f"{values.attrs['long_name']}, worse start"
     return values
@@ -102,15 +102,15 @@ def counting(
     places: Float[np.ndarray, "cells n"],
     points: Float[np.ndarray, "points n"],
 ) -> np.ndarray:
-    """Whether both starts end well in the cell of the landscape nearest to each of `points`.
+    """Tell for each of `points` whether both starts end well in the nearest cell of the landscape.
 
-    Constraints are asked of their orbits, not of what starts do on the way there.
+    Constraints apply to the orbits of these points, not to the transients of starts.
     """
     well = end_well(landscape).all(axis=0).ravel()
     return well[scipy.spatial.KDTree(places).query(points)[1]]
 
 
 def best_points(values: np.ndarray, places: np.ndarray, count: int) -> np.ndarray:
-    """Return the `places` (points, n) of the least `values` (points,), best first; NaN never."""
+    """Return the `places` (points, n) of the least finite `values` (points,), best first."""
     order = np.argsort(values, kind="stable")  # NaN comes last
     return places[order[np.isfinite(values[order])][:count]]

@@ -1,4 +1,4 @@
-"""What a map keeps of every periodic orbit to be drawn: the pin's path, and the force on a turn."""
+"""Curves of every periodic orbit of a map, to be drawn: path of the pin, and force over a turn."""
 
 from dataclasses import replace
 
@@ -17,9 +17,9 @@ from jaxcrusher.periodic.trigonometric import resample
 from optimize.ask.problem import DesignProblem
 from optimize.search.evaluate import Rows
 
-# Instants of a turn that are kept, at equal steps of the shaft's phase from zero.
+# Number of stored instants of a turn, at equal steps of the shaft's phase from zero.
 INSTANTS = 96
-# What is kept, besides the statistics of the same machine with ideal joints.
+# The stored curves, and the objective of the same machine with ideal joints.
 COLUMNS = {
     "path": Column("1", "place of the first pin, in clearances", dims=("instant", "axis")),
     "force": Column("N", "the leading force over a turn", dims=("instant",)),
@@ -29,15 +29,15 @@ COLUMNS = {
 
 
 def turns(problem: DesignProblem, places: Float[np.ndarray, "points n"], rows: Rows) -> Rows:
-    """Return `COLUMNS` of places of the unit box, as 32-bit floats, from the nodes of their orbits.
+    """Return the `COLUMNS` at places of the unit box, as 32-bit floats, from their orbits' nodes.
 
     **Arguments:**
 
-    - `problem`: what the orbits are of.
+    - `problem`: the problem of the search.
     - `places`: the points of the unit box.
-    - `rows`: of `optimize.search.orbits.solve`, with `eccentricity` and `success`.
+    - `rows`: the rows of `optimize.search.orbits.solve`, with `eccentricity` and `success`.
 
-    The columns are NaN where there is no orbit, but for those of ideal joints.
+    Without an orbit `path` and `force` are NaN; the columns of ideal joints have values.
     """
     nodes = np.where(rows["success"][:, None, None], rows["eccentricity"], np.nan)
     found = _turns(problem, jnp.asarray(places), jnp.asarray(nodes))
@@ -75,7 +75,7 @@ def _turns(
 
 
 def _objective(problem: DesignProblem, ideal: PeriodicOrbit) -> Scalar:
-    """Return the objective of ideal joints, NaN where it is no statistic of theirs."""
+    """Return the objective of ideal joints; NaN unless it is one of their statistics."""
     name, known = problem.objective.outputs[0], ideal.scene.statistics
     same = name in known and known[name].meaning == problem.objective.meaning
     return ideal[name] if same else jnp.asarray(jnp.nan)

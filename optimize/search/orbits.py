@@ -25,22 +25,22 @@ from optimize.search.landscape import labelled, spread
 
 # Numbers of designs by name: values (*batch) and slopes (*batch, n).
 Numbers = dict[str, tuple[np.ndarray, np.ndarray]]
-# What a map and result.json keep of an orbit besides its statistics.
+# Numbers of an orbit in a map and in result.json besides its statistics.
 KEPT = ("error", "largest_multiplier", "settling_turns", "least_penetration")
 VERDICTS = ("success", "stable", "undecided", "inside_model")
-# Designs solved between two reports of progress. Descents run the same program.
+# Number of designs solved between two reports of progress. Descents run the same program.
 CHUNK = 32
-# Slopes are compared with differences over twice this share of the box: shorter ones lose more to
-# rounding (1e-10 of the value) than they gain in truncation.
+# Slopes are compared with differences over twice this share of the box. In shorter differences
+# rounding (1e-10 of the value) grows more than truncation falls.
 BESIDE = 1e-3
-# Random starts of a design that is looked at for other motions, and the turns of each.
+# Number of random starts in the search for coexisting motions, and the turns of each.
 ENSEMBLE, ENSEMBLE_TURNS = 16, 480
-# Objectives that differ by less, as a share, are of one motion, solved for twice.
+# Objectives that differ by a smaller share belong to two solutions of one motion.
 SAME = 1e-6
 
 
 def unsolvable(problem: DesignProblem) -> str:
-    """Why the problem's scenes have no orbit to solve for, or nothing."""
+    """Return why orbits of the problem's scenes cannot be solved for, or an empty text."""
     return refusal(problem.scene)
 
 
@@ -54,12 +54,11 @@ def solve(
 ) -> Rows:
     """Solve for the orbits of places of the unit box.
 
-    It is done as by `jaxcrusher.dynamics.many_orbits.solve_orbits`: without an `effort` each is
-    only tried from the pin at rest in its bore. Rows of shape (points,) hold `objective` and
-    `counts` (see `constraints.of_orbits`) besides; `slope` is that of the objective per unit of
-    each free parameter, (points, n).
-    `numbers` are those of `DesignProblem.numbers`, with their `slopes` by the axes of the unit box,
-    (points, numbers, n).
+    Returns the rows of `jaxcrusher.dynamics.many_orbits.solve_orbits` and more. Without an `effort`
+    each orbit is only tried from the pin at rest in its bore. `objective` and `counts` (see
+    `constraints.of_orbits`) have the shape (points,), and `slope`, the slope of the objective per
+    unit of each free parameter, (points, n). `numbers`, (points, numbers), are those of
+    `DesignProblem.numbers`; their `slopes` by the axes of the unit box are (points, numbers, n).
     """
     rows = solve_orbits(
         _sought(problem),
@@ -79,9 +78,9 @@ def solve(
 
 
 def values_and_slopes(problem: DesignProblem, places: Float[np.ndarray, "*batch n"]) -> Numbers:
-    """Return the `DesignProblem.numbers` of points of the unit box, with slopes by the box's axes.
+    """Return the `DesignProblem.numbers` at points of the unit box, with slopes by the box's axes.
 
-    Values, (*batch), are NaN where `constraints.usable` leaves the orbit out.
+    Values, (*batch), are NaN where `constraints.usable` rejects the orbit. Slopes are (*batch, n).
     """
     rows = solve(problem, np.reshape(places, (-1, np.shape(places)[-1])))
     values = np.where(constraints.usable(problem, rows)[:, None], rows["numbers"], np.nan)
@@ -92,7 +91,7 @@ def values_and_slopes(problem: DesignProblem, places: Float[np.ndarray, "*batch 
 
 
 def numbers(problem: DesignProblem) -> dict[str, descents.Smooth]:
-    """Return the `DesignProblem.numbers` as functions, which solve for an orbit once for all."""
+    """Return the `DesignProblem.numbers` as functions, which share one solution for each point."""
     seen: dict[tuple[tuple[int, ...], bytes], Numbers] = {}
 
     def number(points: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -107,9 +106,9 @@ def numbers(problem: DesignProblem) -> dict[str, descents.Smooth]:
 def spares(
     problem: DesignProblem, numbers: dict[str, descents.Smooth]
 ) -> tuple[descents.Smooth, ...]:
-    """Return by how much a design is inside each constraint, as a share of it.
+    """Return the margin to each constraint as a share of its limit; below 0 it is broken.
 
-    The floor of the capacity is none where it is a corner of the box.
+    The floor of the capacity is included only if it is not a bound of the speed.
     """
     found = [
         descents.above(descents.negative(numbers[one.statistic]), -one.most)
@@ -120,7 +119,7 @@ def spares(
     return tuple(found)
 
 
-# A scene takes as long to build as an orbit takes to solve for, and descents ask one by one.
+# To build a scene takes as long as to solve for an orbit, and descents ask for single points.
 @functools.lru_cache(maxsize=8)
 def _sought(problem: DesignProblem) -> Sought:
     numbers = tuple(eqx.Partial(_number, problem=problem, name=name) for name in problem.numbers)
@@ -144,11 +143,11 @@ def solve_map(
     keeps_contact: Callable[[], bool] = lambda: True,
     tracking: Tracking = NOWHERE,
 ) -> xr.Dataset | None:
-    """Return the map of the periodic orbits of a grid's points, or of a sequence's.
+    """Return the map of the periodic orbits at the points of a grid or of a sequence.
 
-    Each is tried from the pin at rest; all further ways are where that leads to none that counts.
-    Nodes resolve no impacts. Where some points have no orbit from rest, and no design of the box
-    keeps contact, there is no map. What several loose joints' nodes cost is not spent to see that.
+    Each orbit is tried from the pin at rest. If no such orbit counts, the usual effort follows at
+    all points. Nodes resolve no impacts: there is no map if no design keeps contact, and a sample
+    of `CHUNK` points has no orbit. Several loose joints skip this costly sample.
     """
     if unknowns(problem.scene) > 2 and not keeps_contact():
         return None
@@ -158,7 +157,7 @@ def solve_map(
     rows, motions = solve(problem, places, tracking=tracking), ()
     if not rows["counts"].any():
         count = len(problem.design.names)
-        # The points of a sequence lie too far apart to help each other.
+        # The points of a sequence lie too far apart to start from each other's orbits.
         near = beside(cells[:count], (True,) * count) if count <= GRID_DIMENSIONS else None
         rows, motions = solve(problem, places, near, effort="usual", tracking=tracking), MOTION
     rows |= drawn.turns(problem, places, rows)
@@ -175,16 +174,15 @@ def solve_map(
 
 
 def widths(problem: DesignProblem) -> Float[np.ndarray, " n"]:
-    """Return the width of the box in each parameter's unit."""
+    """Return the width of the box in the unit of each parameter."""
     return np.array([high - low for low, high in problem.design.bounds.values()])
 
 
 def orbit_of(problem: DesignProblem, unit: Float[np.ndarray, " n"]) -> Orbit | None:
-    """Return the orbit of one point, with as many nodes as it takes, closed by integration.
+    """Return the thorough solution for the orbit of one point, with its objective and slopes.
 
-    Its slopes stand beside central differences of orbits, and are NaN where these are of another
-    motion than the one that the crusher comes to from rest. None where there is no orbit to solve
-    for.
+    Slopes are compared with central differences. They are NaN if their orbit is another motion than
+    this solution. Returns None for a scene that `unsolvable` rejects.
     """
     if unsolvable(problem):
         return None
@@ -210,7 +208,7 @@ def orbit_of(problem: DesignProblem, unit: Float[np.ndarray, " n"]) -> Orbit | N
 
 
 def coexisting(problem: DesignProblem, values: dict[str, float]) -> tuple[Coexisting, ...]:
-    """Return the stable orbits that random starts about the centred one come to."""
+    """Return the stable orbits to which random starts around the centred start converge."""
     described = problem.design.completed(values)
     scene, chamber = problem.design.build(described), problem.chamber_of(described)
     centred = started(problem.design, values, "centred")
@@ -223,12 +221,12 @@ def coexisting(problem: DesignProblem, values: dict[str, float]) -> tuple[Coexis
 
 
 def error(problem: DesignProblem, solution: PeriodicOrbit, objective: float) -> float:
-    """Return the estimated error of an objective: that of a difference is that of its parts."""
+    """Return the estimated error of an objective, at least the error of its largest part."""
     outputs, unit = problem.objective.outputs, problem.objective.unit
     parts = [solution[name] for name in outputs if problem.scene.statistics[name].unit == unit]
     return float(solution.error) * max(map(abs, (objective, *map(float, parts))))
 
 
 def worse(one: float, other: float) -> bool:
-    """Tell whether an objective exceeds another by more than two solutions of one orbit differ."""
+    """Tell whether an objective exceeds another by more than the error between two solutions."""
     return one - other > SAME * abs(other)

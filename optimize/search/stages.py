@@ -1,4 +1,4 @@
-"""The stages of a search: each takes the answer so far, and returns it with more of its fields."""
+"""The stages of a search. Each takes the answer so far, and returns it with further fields."""
 
 from concurrent.futures import Future
 from dataclasses import asdict, replace
@@ -31,15 +31,15 @@ from optimize.search.work import Work
 MAP_RTOL = 1e-6
 # Harmonics of the shaft's speed in a load sheet.
 ORDERS = 4
-# By how much less than the optimum the box may hold, as a share of it, unless another is asked.
+# Default of `Effort.within`, as a share of the optimum.
 WITHIN = 3e-5
 
 
 def map_box(answer: Answer, work: Work) -> Answer:
-    """Look at the whole box: its periodic orbits, and both starts on a coarser grid.
+    """Map the whole box: its periodic orbits, and both starts on a coarser grid.
 
-    The orbit of the design to compare with needs none of them: it is searched for beside them, with
-    the programs that the confirmation uses again.
+    The orbit of the design to compare with does not depend on these maps. It is solved for at the
+    same time, with the programs that the confirmation uses again.
     """
     problem, effort = answer.problem, answer.problem.effort
     cells, points = (
@@ -47,8 +47,8 @@ def map_box(answer: Answer, work: Work) -> Answer:
         for grid in (effort.grid, effort.cells)
     )
     reference = problem.design.unit(problem.reference)
-    # If no design keeps contact, few or none has an orbit that keeps it, which is what nodes solve
-    # for.
+    # Collocation solves for orbits in contact. If no design keeps contact, few designs or none have
+    # such an orbit.
     contact: Future[bool] = Future()
 
     def explore() -> xr.Dataset:
@@ -58,7 +58,7 @@ def map_box(answer: Answer, work: Work) -> Answer:
         except BaseException as error:
             contact.set_exception(error)
             raise
-        import_module("optimize.tell.figures")  # a second, while the map of orbits is computed
+        import_module("optimize.tell.figures")  # takes a second, during the map of orbits
         return found
 
     mapped, data, orbit = work.at_once(
@@ -84,10 +84,10 @@ def _short(problem: DesignProblem) -> Window:
 def _map_orbits(
     problem: DesignProblem, work: Work, points: np.ndarray, contact: Future[bool]
 ) -> xr.Dataset | None:
-    """Map the periodic orbits of places of the unit box; None where there are none to solve for.
+    """Map the periodic orbits of places of the unit box; None if orbits cannot be solved for.
 
-    That is so of scenes that cannot be solved for, and of a box in which no design keeps contact,
-    unless another design has an orbit by nodes all the same.
+    This is so for some scenes, and for a box in which no design keeps contact, unless collocation
+    finds an orbit all the same.
     """
     if orbits.unsolvable(problem):
         return None
@@ -101,7 +101,7 @@ def _map_orbits(
 
 
 def _explore(problem: DesignProblem, work: Work, cells: np.ndarray) -> xr.Dataset:
-    """Integrate places from both starts; return the landscape, which is also written."""
+    """Integrate places from both starts; write and return the landscape."""
     window, count = _short(problem), len(landscape.STARTS) * len(cells)
     with work.stage("landscape", count) as tracking:
         rows = evaluate(problem, cells, window, tracking)
@@ -121,9 +121,9 @@ def _provenance(title: str, problem: DesignProblem, **settings: Any) -> dict[str
 
 
 def refine(answer: Answer, work: Work) -> Answer:
-    """Descend from the best points of the map of orbits, and from random ones.
+    """Descend from the best points of the map of orbits, and from random points.
 
-    Where no orbit counts, descents are fits, from the best cells of the landscape.
+    If no orbit counts, descents by fits start at the best cells of the landscape.
     """
     problem, effort, maps = answer.problem, answer.problem.effort, answer.maps
     assert maps is not None
@@ -163,7 +163,7 @@ def refine(answer: Answer, work: Work) -> Answer:
         )
         for one in found
     )
-    # Descents that meet need one confirmation.
+    # Descents with the same end need one confirmation.
     _, first = np.unique(np.round(ends, 4), axis=0, return_index=True)
     return replace(answer, refinement=tuple(told), ends=ends[np.sort(first)])
 
@@ -171,9 +171,9 @@ def refine(answer: Answer, work: Work) -> Answer:
 def _by_gradients(
     problem: DesignProblem, starts: np.ndarray, tracking: Tracking
 ) -> tuple[list[Descent], np.ndarray]:
-    """Descend in lock-step and polish the best ends that lie apart; return all, and those.
+    """Descend in lock-step, and polish the best distinct ends; return all descents, and these ends.
 
-    Constraints that are no bounds are SLSQP's, which goes down from one start after the other.
+    With constraints besides bounds, only SLSQP descends, from one start after the other.
     """
     numbers, upper, effort = orbits.numbers(problem), problem.upper, problem.effort
     function, spares = numbers["objective"], orbits.spares(problem, numbers)
@@ -182,7 +182,7 @@ def _by_gradients(
         progress = tracking.progress
         found = descents.descend_together(function, starts, upper, effort.steps, progress)
         ends = [one.path[-1] for one in descents.apart(found)]
-        # Where only neighbours of the map lead to orbits, descents find none: the best points stay.
+        # If only neighbours in the map lead to orbits, descents find none: the best points stay.
         starts = np.array(ends or [*starts])[: effort.refine]
     polished = []
     for start in starts:
@@ -198,7 +198,7 @@ def _by_fits(
     steps = []
 
     def objective(places: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-        """Return values (m,) of points (m, n), each start shifted as its number says."""
+        """Return values (m,) at points (m, n); `numbers` (m,) are seeds of the starts' shifts."""
         draws = [np.random.default_rng(number) for number in numbers]
         shifts = np.stack([rng.uniform(-SHIFT, SHIFT, 2) for rng in draws])
         rows = evaluate(problem, places, _short(problem), shifts=shifts)
@@ -213,9 +213,9 @@ def _by_fits(
 
 
 def confirm(answer: Answer, work: Work) -> Answer:
-    """Run the ends and the design to compare with for long, several times from each start.
+    """Make several long runs of the ends and of the design to compare with, from each start.
 
-    The best of them that counts is the optimum, if there is one.
+    The best end that counts is the optimum. If no end counts, `empty` says why.
     """
     problem, effort, maps, ends = answer.problem, answer.problem.effort, answer.maps, answer.ends
     if ends is None:
@@ -249,7 +249,7 @@ def confirm(answer: Answer, work: Work) -> Answer:
 
 
 def bound(answer: Answer, work: Work) -> Answer:
-    """Bound the box by a map that is refined, and look for worse motions of both designs beside."""
+    """Refine the map until it bounds the box, and search for worse motions of both designs."""
     best = answer.optimum
     if best is None or answer.reference is None:
         return answer
@@ -257,7 +257,7 @@ def bound(answer: Answer, work: Work) -> Answer:
         lambda: _refine_map(answer, work, best), lambda: _coexisting(answer, work)
     )
     answer = replace(answer, **designs)
-    # By the optimum that is reported: a worse orbit may have raised its objective.
+    # The bound is relative to the reported objective, which a worse orbit may have raised.
     assert answer.optimum is not None and answer.maps is not None
     known = unbounded(answer.problem, answer.maps, answer.optimum)
     if known is None:
@@ -267,7 +267,7 @@ def bound(answer: Answer, work: Work) -> Answer:
 
 
 def _refine_map(answer: Answer, work: Work, best: Confirmed) -> Refined | None:
-    """Refine the map of orbits until it bounds the box; None where nothing can be bounded."""
+    """Refine the map of orbits until it bounds the box; None if no bound can be computed."""
     problem, effort, maps = answer.problem, answer.problem.effort, answer.maps
     assert maps is not None
     if unbounded(problem, maps, best):
@@ -282,9 +282,9 @@ def _refine_map(answer: Answer, work: Work, best: Confirmed) -> Refined | None:
 
 
 def _coexisting(answer: Answer, work: Work) -> dict[str, Confirmed]:
-    """Return optimum and reference with the orbits that random starts come to.
+    """Return optimum and reference with the orbits to which random starts converge.
 
-    An orbit that is worse than the design's own takes its place in the objective.
+    An orbit that is worse than the design's own decides the objective.
     """
     designs = {"optimum": answer.optimum, "reference": answer.reference}
     known = {name: one for name, one in designs.items() if one is not None}
@@ -306,11 +306,11 @@ def _coexisting(answer: Answer, work: Work) -> dict[str, Confirmed]:
 def by_worst_orbit(
     problem: DesignProblem, design: Confirmed, found: tuple[Coexisting, ...]
 ) -> Confirmed:
-    """Return a design with the orbits that random starts come to, judged by the worst."""
+    """Return a design with the orbits of random starts, with the objective of the worst orbit."""
     design = replace(design, coexisting=found)
     known = (one for one in found if not np.isnan(one.objective))
     worst = max(known, key=lambda one: one.objective, default=None)
-    # An objective of NaN, of a design that does not count, stays.
+    # The objective of a design that does not count stays NaN.
     if worst is None or not orbits.worse(worst.objective, design.objective):
         return design
     forces = {name: float(worst.solution[name]) for name in design.forces}
@@ -319,7 +319,7 @@ def by_worst_orbit(
 
 
 def explain(answer: Answer, work: Work) -> Answer:
-    """Find the active constraints at the optimum, and what the designs do to their foundation."""
+    """Find the active constraints at the optimum, and the load sheets of the designs."""
     if answer.optimum is None:
         return answer
     active, free_slopes = active_constraints(answer.problem, answer.optimum)
@@ -327,9 +327,9 @@ def explain(answer: Answer, work: Work) -> Answer:
 
 
 def _load_sheets(answer: Answer) -> dict[str, list[Row]]:
-    """Return the load sheets of the foundation, by title, of designs that come to their orbit.
+    """Return the load sheets of the designs that settle on their orbit, by title.
 
-    Motor, frame and points are those of the machine's description.
+    Motor power, frame mass and points are those of the machine's description.
     """
     described = answer.problem.design.machine.given
     power, frame = described.get("motor_power"), described.get("frame_mass")
@@ -342,7 +342,7 @@ def _load_sheets(answer: Answer) -> dict[str, list[Row]]:
 
 
 def trade(answer: Answer, work: Work) -> Answer:
-    """Find the Pareto fronts of an optimum on its orbit; none where it has none."""
+    """Find the Pareto fronts of the optimum; none if it does not settle on an orbit."""
     best, maps = answer.optimum, answer.maps
     mapped = None if maps is None else maps.counting_orbits
     if best is None or maps is None or mapped is None or not best.settles:
@@ -353,7 +353,7 @@ def trade(answer: Answer, work: Work) -> Answer:
     return replace(answer, fronts=found)
 
 
-# What they find, in this order.
+# The result of each stage -> the stage, in the order of the search.
 STAGES = {
     "maps": map_box,
     "descents": refine,

@@ -1,4 +1,4 @@
-"""The work of a search: what it tells, keeps and spends, and what of it runs at once."""
+"""The work of a search: its progress, its saved chunks, its cost, and its concurrent jobs."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 class Stopped(Exception):
-    """A piece of work raises this where another's failure or Ctrl-C has made it needless."""
+    """Raised in a stage after `Work.stop` is set: by a failure, by Ctrl-C, or after `seconds`."""
 
 
 @dataclass(eq=False)
 class Work:
-    """Where stages tell their progress, keep what they have computed, and book what they spend.
+    """The place where stages report progress, save results, and record their cost.
 
-    Stages may run concurrently. Where `stop` is set they end when they next tell their progress.
+    Stages may run concurrently. After `stop` is set, a stage ends at its next report of progress.
     """
 
     folder: Path
@@ -39,7 +39,7 @@ class Work:
 
     @contextmanager
     def stage(self, name: str, total: int) -> Iterator[Tracking]:
-        """Show a bar for a stage, and book its seconds when it ends."""
+        """Show a progress bar for a stage, and record its seconds at its end."""
         bar = self.bars.add_task(name, total=total)
         began = time.perf_counter()
 
@@ -54,10 +54,10 @@ class Work:
         self.seconds[name] = time.perf_counter() - began
 
     def at_once(self, *jobs: Callable[[], Any]) -> list[Any]:
-        """Run jobs on the cores that one of them leaves idle; return their results in order.
+        """Run jobs concurrently, each in a thread; return their results in order.
 
-        At the first failure, and at Ctrl-C, `stop` is set, at which the other jobs end. The failure
-        is raised when all have ended.
+        The first failure, or Ctrl-C, sets `stop`, which ends the other jobs. The failure is raised
+        after all jobs have ended.
         """
         with ThreadPoolExecutor(len(jobs)) as pool:
             running = [pool.submit(job) for job in jobs]

@@ -1,1 +1,1 @@
-"""How an answer is told: checks, words, tables, figures and the page."""
+"""The report of an answer: checks, words, tables, figures and the page."""

@@ -1,4 +1,4 @@
-"""The checks of a search's answer, each with its rule, and what the answer leaves out."""
+"""The checks of a search's answer, each with its rule, and remarks on the answer's limits."""
 
 from dataclasses import replace
 
@@ -15,14 +15,14 @@ from optimize.search.confirm import least_contact, long_window
 from optimize.search.orbits import worse
 from optimize.tell.words import active, coexisting, shown
 
-# What the descents may leave of a slope that should vanish, over the width of the box, as a
-# share of the objective.
+# Greatest remaining slope after a descent, times the width of the box, as a share of the
+# objective.
 VANISHED = 1e-6
-# Time averages of one motion.
+# Time averages that differ by a smaller share are of one motion.
 ALIKE = 0.01
-# What rounding may leave of a small slope's differences, as a share of it.
+# Greatest deviation of differences from a slope, as a share of the slope: rounding.
 APART = 0.02
-# What a bearing's clearance takes off the RMS of a quiet motion at most.
+# Greatest share by which a bearing's clearance lowers the RMS of a motion in contact.
 BELOW_IDEAL = 0.003
 NO_SLOPES = (
     "slopes are not known: at the optimum or beside it no orbit was solved for, or that of another "
@@ -31,13 +31,13 @@ NO_SLOPES = (
 
 
 def judge(answer: Answer) -> Answer:
-    """Return an answer with its checks, and with what it leaves out."""
+    """Return an answer with its checks and its remark."""
     remarks = remark(answer), quieter(answer)
     return replace(answer, checks=checks(answer), remark=" ".join(filter(None, remarks)))
 
 
 def checks(answer: Answer) -> tuple[Check, ...]:
-    """Check an answer that came to its evidence."""
+    """Return the checks of an answer; without a design to choose it is one failed check."""
     problem, effort = answer.problem, answer.problem.effort
     best, other, window = answer.optimum, answer.reference, long_window(effort)
     if best is None or other is None:
@@ -80,7 +80,7 @@ def checks(answer: Answer) -> tuple[Check, ...]:
 
 
 def _inside(best: Confirmed, problem: DesignProblem) -> bool:
-    """Tell whether all free numbers are inside their bounds, of either sign, but for rounding."""
+    """Tell whether all free numbers are inside their bounds, up to rounding."""
     inside = []
     for name, (low, high) in problem.design.bounds.items():
         slack = 1e-12 * max(abs(low), abs(high))
@@ -89,7 +89,7 @@ def _inside(best: Confirmed, problem: DesignProblem) -> bool:
 
 
 def _limits(best: Confirmed, problem: DesignProblem) -> tuple[Check, ...]:
-    """Check each limit on all motions that the optimum comes to; those beside it by their model."""
+    """Check limits on all motions of the optimum, and the contact model on coexisting orbits."""
     checked = []
     if problem.inside_model and best.coexisting:
         inside = [bool(one.solution.validity.inside) for one in best.coexisting]
@@ -120,7 +120,7 @@ def _capacity(best: Confirmed, problem: DesignProblem) -> tuple[Check, ...]:
 
 
 def _ideal(best: Confirmed, problem: DesignProblem) -> tuple[Check, ...]:
-    """Check a crusher's force against that with an ideal joint, of which clearance takes little."""
+    """Check that a crusher's RMS force is at most slightly below the force with ideal joints."""
     if problem.chamber is None:
         return ()
     of_runs = (float(runs.by_run["foundation_rms"].min()) for runs in best.transient.values())
@@ -135,11 +135,11 @@ def _ideal(best: Confirmed, problem: DesignProblem) -> tuple[Check, ...]:
 
 
 def _below_ideal(problem: DesignProblem, best: Confirmed) -> float:
-    """Return by how much of the ideal joint's RMS a loose joint can lower it at most.
+    """Return the greatest share by which a loose joint can lower the RMS of the ideal joint.
 
-    Friction that follows the surfaces' slip turns the jaw one way all the time. Its moment, at most
-    the coefficient times bore radius and force, changes the forces at toggle and bearing by itself
-    over the jaw's length.
+    Friction by the slip of the surfaces has a moment of constant sign on the jaw, at most the
+    coefficient times bore radius and force. This moment over the jaw's length is the change of the
+    forces at toggle and bearing.
     """
     described = problem.design.whole(problem.design.completed(best.values))
     if described["slip"] != "surface":
@@ -149,7 +149,7 @@ def _below_ideal(problem: DesignProblem, best: Confirmed) -> float:
 
 
 def _slopes(best: Confirmed, problem: DesignProblem) -> tuple[Check, ...]:
-    """Check the slopes at the optimum against differences of orbits; other motions have none."""
+    """Check the slopes against differences of orbits, if the optimum settles on its orbit."""
     name, orbit = "the slopes at the optimum may be believed", best.orbit
     if orbit is None or not best.settles:
         return ()
@@ -161,7 +161,7 @@ def _slopes(best: Confirmed, problem: DesignProblem) -> tuple[Check, ...]:
         apart = orbit.slopes_apart[parameter]
         of_slope, of_value = apart / max(abs(slope), 1e-300), apart * (high - low)
         of_value /= max(abs(best.objective), 1e-300)
-        # A slope that vanishes leaves nothing to take a share of.
+        # For a vanishing slope only the share of the objective is meaningful.
         good &= of_slope <= APART or of_value <= VANISHED
         details.append(f"by {parameter} {of_slope:.1g} and {of_value:.1g}")
     check = Check(
@@ -174,7 +174,7 @@ def _slopes(best: Confirmed, problem: DesignProblem) -> tuple[Check, ...]:
 
 
 def _beside_map(answer: Answer, unit: str) -> str:
-    """Say by how much the optimum lies below, or above, the best point of the map."""
+    """Say how far the optimum lies below or above the best point of the map."""
     if answer.bound is None:
         return "the map has no bound"
     if not (answer.maps and answer.maps.stable_orbits):
@@ -188,7 +188,7 @@ def _beside_map(answer: Answer, unit: str) -> str:
 
 
 def _agree(best: Confirmed, unit: str) -> Check:
-    """Check that time averages from both starts are of one motion."""
+    """Check that the time averages from both starts belong to one motion."""
     one, two = best.transient.values()
     widths = [runs.objective_half_width for runs in (one, two)]
     apart = abs(one.objective_mean - two.objective_mean)
@@ -201,7 +201,7 @@ def _agree(best: Confirmed, unit: str) -> Check:
 
 
 def _motion(answer: Answer, best: Confirmed) -> tuple[Check, ...]:
-    """Check that the machine comes to the numbers reported, from either start."""
+    """Check that the motion from each start converges to the reported numbers."""
     orbit = best.orbit
     if orbit is None or not orbit.stable:
         return (_agree(best, answer.problem.objective.unit),)
@@ -215,7 +215,7 @@ def _motion(answer: Answer, best: Confirmed) -> tuple[Check, ...]:
         f"largest multiplier {float(orbit.solution.largest_multiplier):.6f} < 1, and in contact "
         f"all the time of all long runs: {contact}",
     )
-    # What has no number of the objective is no design to choose.
+    # A motion without a value of the objective excludes the design.
     worst = [
         one
         for one in best.coexisting
@@ -230,7 +230,7 @@ def _motion(answer: Answer, best: Confirmed) -> tuple[Check, ...]:
 
 
 def _stationary(answer: Answer, best: Confirmed) -> Check:
-    """Check the conditions of Karush, Kuhn and Tucker."""
+    """Check the conditions of Karush, Kuhn and Tucker at the optimum."""
     problem = answer.problem
     name = "a minimum: each parameter at an active constraint, or without slope"
     if np.isnan(list(answer.free_slopes.values())).any():
@@ -253,7 +253,7 @@ def _stationary(answer: Answer, best: Confirmed) -> Check:
 
 
 def remark(answer: Answer) -> str:
-    """Say what the answer leaves out."""
+    """Say what the answer does not cover."""
     problem, best = answer.problem, answer.optimum
     if best is None:
         return "There is no least value. Maps and runs show how the designs of the box move."
@@ -278,7 +278,7 @@ def remark(answer: Answer) -> str:
 
 
 def quieter(answer: Answer) -> str:
-    """Say which point of the map shakes the ground far less than the optimum, if one does."""
+    """Name the map's point of least shaking force, if this is over 1 % below the optimum's."""
     problem, best, maps = answer.problem, answer.optimum, answer.maps
     orbits = None if maps is None else maps.counting_orbits
     if best is None or maps is None or orbits is None or len(best.forces) == 1:

@@ -1,4 +1,4 @@
-"""The figures that a search leaves behind, as SVG that takes its ink from the page around it."""
+"""The figures of a search, as SVG whose text and axes have the colour of the page around them."""
 
 import io
 import math
@@ -32,7 +32,7 @@ from optimize.tell.words import name_of, shown
 
 OPTIMUM = {"marker": "*", "color": "C3", "markersize": 13, "linestyle": ""}
 COMPARED = {"marker": "D", "color": "C1", "markersize": 8, "linestyle": ""}
-# A colour that nothing else has: what is drawn in it takes the colour of the text around it.
+# A colour that nothing else has. Lines of this colour get the text colour of the page.
 INK = "#010203"
 _INKED = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
 _CLEAR = ("figure.facecolor", "axes.facecolor", "savefig.facecolor", "legend.facecolor")
@@ -43,18 +43,18 @@ STYLE: dict[Any, Any] = {
     "legend.frameon": False,
     "svg.fonttype": "none",
 }
-# Width and height in inches of a picture beside a table, and of a map.
+# Width and height (inches) of a picture beside a table, and of a map.
 NARROW, MAP = (4.3, 2.25), (6.2, 4.3)
 ABOVE: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
-# The tolerance of a motion that is drawn because its design has no orbit.
+# Tolerance of the drawn motion of a design without an orbit.
 FINE = 1e-9
 
 
 @mpl.rc_context(STYLE)
 def draw_all(folder: Path, answer: Answer) -> tuple[list[str], dict[str, str]]:
-    """Draw every figure that the design's parameters allow and that has something to show.
+    """Draw every figure that the free parameters and the results of the search allow.
 
-    Returns the names of the files, and why others were left out, by name.
+    Returns the names of the files, and the reasons for omitted figures, by name.
     """
     problem, maps = answer.problem, answer.maps
     assert maps is not None
@@ -95,7 +95,7 @@ def draw_all(folder: Path, answer: Answer) -> tuple[list[str], dict[str, str]]:
 
 
 def _no_front(answer: Answer) -> str:
-    """Say why nothing has to be traded, or why that is not known."""
+    """Say why there is no front of several points, or why it is not known."""
     problem, maps = answer.problem, answer.maps
     if answer.fronts:
         higher = "" if problem.chamber is None else "a higher capacity than the optimum, nor "
@@ -109,10 +109,10 @@ def _no_front(answer: Answer) -> str:
 
 
 def write_figure(path: Path, figure: Figure) -> None:
-    """Write a figure as SVG whose ink is `currentColor`, and close it.
+    """Write a figure as SVG in which `INK` becomes `currentColor`, and close the figure.
 
-    Meshes are pixels: as paths they would show seams, and a fine one would fill a page. Names of
-    parts are those that the picture itself refers to, and no two pictures share one.
+    Meshes become pixels: as paths they would show seams and be large. Only those ids of elements
+    are kept that the picture refers to, and no two pictures share an id.
     """
     for ax in figure.axes:
         for mesh in ax.collections:
@@ -130,7 +130,7 @@ def write_figure(path: Path, figure: Figure) -> None:
 
 
 def line_of_map(orbits: xr.Dataset, values: dict[str, float]) -> xr.Dataset:
-    """Return the row or column of a map, next to a design, on which the objective changes most."""
+    """Return the row or column of a map next to a design on which the objective varies most."""
     dims = [str(name) for name in orbits.objective.dims]
     lines = []
     for name in dims:
@@ -141,7 +141,7 @@ def line_of_map(orbits: xr.Dataset, values: dict[str, float]) -> xr.Dataset:
 
 
 def draw_curve(folder: Path, answer: Answer, best: Confirmed, orbits: xr.Dataset) -> None:
-    """Draw the objective over the number that changes it most, and what ideal joints leave."""
+    """Draw the objective over the parameter that changes it most, and that of ideal joints."""
     units, sought = answer.problem.units, answer.problem.objective
     known = orbits.objective.where(may_be_stable(orbits))
     line = line_of_map(orbits.assign(objective=known), best.values)
@@ -157,7 +157,7 @@ def draw_curve(folder: Path, answer: Answer, best: Confirmed, orbits: xr.Dataset
         ax.fill_between(x, ideal / one, y / one, color=plots.BLUE, alpha=0.25, lw=0, label=share)
     at = shown(str(name), best.values[str(name)], units)
     ax.plot(at, best.objective / one, **_marker("optimum"), label="optimum", clip_on=False)
-    # The cell next to the optimum tells what the eye does not see.
+    # The point of the map next to the optimum gives the contribution of the contact.
     near = int(np.nanargmin(np.abs(x - at)))
     adds = y[near] - ideal[near]
     told = [
@@ -177,8 +177,8 @@ def draw_curve(folder: Path, answer: Answer, best: Confirmed, orbits: xr.Dataset
 
 
 def draw_orbits(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
-    """Draw the maps of the objective on periodic orbits, with descents, and of their settling."""
-    # Disturbances die, or die within what the nodes leave in doubt.
+    """Draw maps of the objective on periodic orbits, with descents, and of their settling time."""
+    # Disturbances decay, or may decay within the error of the multipliers.
     stable = np.isfinite(orbits.settling_turns)
     marks = {"no stable periodic orbit found": ~stable}
     objective, turns = orbits.objective.where(stable), orbits.settling_turns.where(stable)
@@ -187,7 +187,7 @@ def draw_orbits(folder: Path, answer: Answer, orbits: xr.Dataset) -> None:
 
 
 def draw_landscape(folder: Path, answer: Answer, data: xr.Dataset) -> None:
-    """Draw the map of the first turns' time average from the worse start."""
+    """Draw the map of the time average over the first turns, from the worse start."""
     marks = {
         "failed": ~data.success.all("start"),
         "whirl": data.whirl.any("start"),
@@ -205,7 +205,7 @@ def draw_map(
     descents: Sequence[Refinement] = (),
     norm: str = "linear",
 ) -> None:
-    """Draw a map over the two free numbers with hatched cells, descents and designs."""
+    """Draw a map over the two free parameters with hatched cells, descents and designs."""
     fig, ax = plt.subplots(figsize=MAP, layout="constrained")
     names, units = plots.axes_of(answer.problem.design.bounds), answer.problem.units
     plots.plot_landscape(values, ax, marks=marks, units=units, norm=norm)
@@ -223,7 +223,7 @@ def draw_map(
             clip_on=False,
             label=title,
         )
-    # The ground shows lines that are white.
+    # White lines need a grey background.
     ax.legend(handles=handles, frameon=True, facecolor="0.6", labelcolor="k", ncols=3, **ABOVE)
     write_figure(path, fig)
 
@@ -233,7 +233,7 @@ def _marker(title: str) -> dict[str, Any]:
 
 
 def draw_capacity(folder: Path, problem: DesignProblem) -> None:
-    """Draw a crusher's capacity over speed, with the box searched."""
+    """Draw a crusher's capacity over the speed, with the searched range."""
     chamber = problem.chamber
     assert chamber is not None
     low, high = problem.design.bounds["speed"]
@@ -251,7 +251,7 @@ def draw_capacity(folder: Path, problem: DesignProblem) -> None:
 
 
 def draw_fronts(folder: Path, answer: Answer) -> None:
-    """Draw the fronts of the answer over the points of the map that count, with the designs."""
+    """Draw the fronts of the answer, the points of the map that count, and the designs."""
     problem, maps, fronts = answer.problem, answer.maps, answer.fronts
     assert maps is not None and maps.counting_orbits is not None
     orbits = maps.counting_orbits.where(maps.counting_orbits.counts)
@@ -281,7 +281,7 @@ def draw_fronts(folder: Path, answer: Answer) -> None:
 
 
 def _on_front(design: Confirmed, front: Front) -> tuple[float, float]:
-    """Return both numbers of a front on the orbit of a design, NaN without one."""
+    """Return both numbers of a front on the orbit of a design; NaN without an orbit."""
     if design.orbit is None:
         return math.nan, math.nan
     if design.crushing is not None and front.of == "capacity":
@@ -290,7 +290,7 @@ def _on_front(design: Confirmed, front: Front) -> tuple[float, float]:
 
 
 def _zoom_to_front(ax: Axes) -> None:
-    """Leave out the points of the map that lie far from a front of several points."""
+    """Limit the axes to the designs and a front of several points."""
     _, front, *designs = ax.lines
     shown = np.concatenate([line.get_xydata() for line in (front, *designs)])
     if np.size(front.get_xdata()) > 1:
@@ -301,25 +301,25 @@ def _zoom_to_front(ax: Axes) -> None:
 
 
 def draw_bearings(folder: Path, problem: DesignProblem, design: Confirmed) -> None:
-    """Draw where the frame carries the machine, at O and C, when the toggle presses hardest."""
+    """Draw the mechanism and its bearings O and C at the instant of the largest toggle force."""
     scene = problem.design.build(problem.design.completed(design.values)).ideal()
     times = 2 * np.pi / design.speed * np.linspace(0, 1, 73)
     turn = jc.simulate(scene, times, outputs=mechanism.DRAWN)
     hardest = int(np.argmax(np.linalg.norm(turn["toggle_reaction"], axis=1)))
-    # The machine's own colours are those of a drawing on paper.
+    # The mechanism has the colours of a drawing on paper.
     with plt.rc_context(dict.fromkeys(_CLEAR, "w") | dict.fromkeys(_INKED, "k")):
         fig, ax = plt.subplots(figsize=(4.2, 4.8), layout="constrained")
         mechanism.plot_mechanism(scene, turn, hardest, ax)
-        # Without loose joints nothing stands on the left.
+        # Without loose joints the left part of the picture is empty.
         ax.set(title="", xlim=(0.5 * ax.get_xlim()[0], ax.get_xlim()[1]))
         write_figure(folder / "bearings.svg", fig)
 
 
 def draw_motions(folder: Path, answer: Answer) -> None:
-    """Draw the pin's path and the leading force of both designs over two turns.
+    """Draw the path of the first loose pin and the leading force of both designs over two turns.
 
-    They are those of the orbit, or those after the long run of the worse start where a design has
-    none.
+    The motion is the periodic orbit. For a design without an orbit it continues the long run of the
+    worse start.
     """
     problem = answer.problem
     count, turns = len(answer.designs), np.linspace(0, 2, 1001)

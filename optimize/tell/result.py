@@ -1,4 +1,4 @@
-"""The answer of a search as result.json holds it, and as it closes the screen."""
+"""The answer of a search in result.json, and at the end of the screen."""
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
@@ -13,12 +13,12 @@ from optimize.search.orbits import KEPT
 from optimize.tell import tables
 from optimize.tell import words as formatting
 
-# Fields of the answer that are told otherwise: maps are files of their own.
+# Fields of the answer that result.json states otherwise; maps are separate files.
 OTHERWISE = ("problem", "maps", "ends")
 
 
 def content(answer: Answer) -> dict[str, Any]:
-    """Return the answer as nested dicts, with NaN where there is no number."""
+    """Return the answer as nested dicts; unknown numbers are NaN."""
     problem, of = answer.problem, answer.problem.objective
     names = (field.name for field in fields(answer) if field.name not in OTHERWISE)
     return {
@@ -47,7 +47,7 @@ def _plain(value: Any) -> Any:
         return _orbit(value)
     if is_dataclass(value):
         found = {field.name: _plain(getattr(value, field.name)) for field in fields(value)}
-        # The forces of a design, and what it is as a crusher, stand beside its objective.
+        # Forces, capacity and stroke of a design stand beside its objective.
         if isinstance(value, Confirmed):
             found |= found.pop("forces") | (found.pop("crushing") or {})
         return found
@@ -59,7 +59,7 @@ def _plain(value: Any) -> Any:
 
 
 def _orbit(orbit: PeriodicOrbit) -> dict[str, Any]:
-    """Return the numbers of an orbit without its path: forces, RMS and peak, and `KEPT` ones."""
+    """Return the numbers of an orbit without its path: RMS and peak of forces, and `KEPT`."""
     forces = dict.fromkeys((orbit.scene.headline, "shaking_rms"))
     forces |= {name.replace("rms", "peak"): None for name in forces}
     numbers = {name: float(getattr(orbit, name)) for name in (*forces, *KEPT)}
@@ -77,7 +77,7 @@ def _orbit(orbit: PeriodicOrbit) -> dict[str, Any]:
 
 
 def print_answer(console: Console, answer: Answer) -> None:
-    """Print the answer; everything else stands in report.html."""
+    """Print the answer; the other results are in report.html."""
 
     def tell(line: str) -> None:
         console.print(line, highlight=False, markup=False)

@@ -1,4 +1,4 @@
-"""The tables of the report's page: headings in words with units, and rows."""
+"""The tables of the report's page: headings with units, and rows."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -27,7 +27,7 @@ STAGES = {
     "fronts": "fronts",
 }
 DESCENTS = {"gradient": "exact gradients", "fits": "fits to noisy runs"}
-# Limits of what the numbers say.
+# Limits of the theory, which the page states.
 OF_A_CRUSHER = (
     "The force is |R_O| + |R_C|, the reactions of the frame on shaft and toggle: the source "
     "of the crusher's data never defines its foundation force. It holds the weight and the "
@@ -44,19 +44,20 @@ LIMITS = (
 
 
 def limits(found: Answer) -> tuple[str, ...]:
-    """Return the limits of what the numbers say, of a crusher more than of another linkage."""
+    """Return the limits of the theory; a crusher has an additional one."""
     return LIMITS if found.problem.speeds is None else (*OF_A_CRUSHER, *LIMITS)
 
 
 def caution(found: Answer) -> str:
-    """Return what must be known to read a crusher's capacity, or nothing."""
+    """Return the caution on the capacity of crushers; an empty text for another linkage."""
     return CAUTION if any(one.crushing is not None for one in found.designs.values()) else ""
 
 
 def headline(found: Answer) -> list[tuple[str, str, str]]:
-    """Return the three numbers of the optimum that matter most: meaning, value, and a remark.
+    """Return the three main numbers of the optimum: meaning, value, and a remark.
 
-    They are what is free, the speed before all, what shakes the ground, and what a crusher crushes.
+    They are a free number, the speed if it is free, the RMS shaking force, and the capacity of a
+    crusher. A linkage has its objective or a second free number in place of the capacity.
     """
     best, other = found.optimum, found.reference
     if best is None or other is None:
@@ -98,7 +99,7 @@ def headline(found: Answer) -> list[tuple[str, str, str]]:
 
 
 def answer(found: Answer) -> Table:
-    """Return the designs side by side: numbers with units, and how the optimum changes them."""
+    """Return the designs side by side: numbers with units, and their relative change."""
     columns = [_number_texts(found, title, design) for title, design in found.designs.items()]
     both = len(columns) == 2
     rows = []
@@ -109,7 +110,7 @@ def answer(found: Answer) -> Table:
 
 
 def _change(one: float, other: float) -> str:
-    """Return by how much the first number differs from the second one, up to tenfold."""
+    """Return the change from the second number to the first, if it is below 1000 %."""
     change = 100 * (one / other - 1) if other and one != other else math.nan
     return f"{change:+.1f} %" if abs(change) < 1e3 else ""
 
@@ -117,7 +118,7 @@ def _change(one: float, other: float) -> str:
 def _number_texts(
     found: Answer, title: str, design: Confirmed
 ) -> dict[tuple[str, str], tuple[str, float]]:
-    """Return the numbers of a design as text and as numbers, by their meaning and unit."""
+    """Return the numbers of a design, as text and as floats, by meaning and unit."""
     objective, units = found.problem.objective, found.problem.units
     told: dict[tuple[str, str], tuple[str, float]] = {}
     for name, value in design.values.items():
@@ -143,7 +144,7 @@ def _number_texts(
 
 
 def _objective(design: Confirmed) -> str:
-    """Return the objective as its orbit has it, or as the mean of the worse start's runs."""
+    """Return the objective on the deciding orbit, or as the mean of the worse start's runs."""
     if not design.counts:
         return as_text(math.nan)
     if design.averaged:
@@ -154,7 +155,7 @@ def _objective(design: Confirmed) -> str:
 
 
 def load_sheet(found: Answer) -> Table | None:
-    """Return the load sheets of the foundation side by side; None where no design has one."""
+    """Return the load sheets of the foundation side by side; None without any sheet."""
     if not found.load_sheets:
         return None
     sheets = [
@@ -197,7 +198,7 @@ def _carried(row: Row) -> str:
 
 
 def slopes(found: Answer) -> Table | None:
-    """Return the slopes at the optimum, in the units of the tables; None where there are none."""
+    """Return the slopes at the optimum, in the units of the tables; None without an orbit."""
     best, of = found.optimum, found.problem.objective.unit
     if best is None or best.orbit is None or not best.settles:
         return None
@@ -211,7 +212,7 @@ def slopes(found: Answer) -> Table | None:
 
 
 def fronts(found: Answer) -> list[Table]:
-    """Return the fronts of more than one point."""
+    """Return a table for each front with more than one point."""
     unit, told = found.problem.objective.unit, found.problem.objective.meaning
     tables = []
     for front in found.fronts:
@@ -232,7 +233,7 @@ def fronts(found: Answer) -> list[Table]:
 
 
 def candidates(found: Answer) -> Table:
-    """Return the ends of the descents, confirmed."""
+    """Return the ends of the descents with their confirmed objectives."""
     unit, rows = found.problem.objective.unit, []
     for i, one in enumerate(found.candidates):
         others = besides(one.forces, found.problem.objective.meaning)
@@ -249,7 +250,7 @@ def candidates(found: Answer) -> Table:
 
 
 def descents(found: Answer) -> Table:
-    """Return both ends of each local search."""
+    """Return both ends of each descent."""
     unit, rows = found.problem.objective.unit, []
     for i, one in enumerate(found.refinement):
         row = {"": i + 1, "by": DESCENTS.get(one.by, one.by), "evaluations": one.evaluations}
@@ -261,7 +262,7 @@ def descents(found: Answer) -> Table:
 
 
 def motions(found: Answer) -> Table:
-    """Return how each design moves from each start."""
+    """Return the motion of each design from each start."""
     rows = [
         (
             f"{title}, {start} start",
@@ -280,7 +281,7 @@ def motions(found: Answer) -> Table:
 
 
 def coexisting(found: Answer) -> Table | None:
-    """Return the stable orbits that random starts come to; None where none was looked for."""
+    """Return the stable orbits to which random starts converge; None without any."""
     unit = found.problem.objective.unit
     rows = [
         (title, f"{one.share:.0%}", one.solution.period, one.objective)
@@ -292,7 +293,7 @@ def coexisting(found: Answer) -> Table | None:
 
 
 def box(found: Answer) -> Table:
-    """Return the box that was searched."""
+    """Return the bounds of the searched box, and the other constraints."""
     bounds = found.problem.design.bounds.items()
     ends = [_chosen(found, {name: pair[end] for name, pair in bounds}) for end in (0, 1)]
     rows = [(heading, lowest, ends[1][heading]) for heading, lowest in ends[0].items()]
@@ -311,7 +312,7 @@ def box(found: Answer) -> Table:
 
 
 def stages(found: Answer) -> Table:
-    """Return the seconds and steps of each stage, whichever of concurrent ones ended first."""
+    """Return the seconds and steps of each stage, in a fixed order."""
     rows = [
         (STAGES[name], f"{found.seconds[name]:.1f}", found.steps.get(name, ""))
         for name in sorted(found.seconds, key=[*STAGES].index)
@@ -320,7 +321,7 @@ def stages(found: Answer) -> Table:
 
 
 def fixed(found: Answer) -> Table:
-    """Return the numbers and choices that were not free."""
+    """Return the fixed numbers and choices."""
     design, units = found.problem.design, found.problem.units
     rows = [
         (in_words(name), said(name, value, units) if isinstance(value, float) else str(value))
@@ -337,7 +338,7 @@ def fixed(found: Answer) -> Table:
 
 
 def _chosen(found: Answer, values: Mapping[str, float]) -> dict[str, str]:
-    """Return values of the free parameters as text, by heading."""
+    """Return the values of the free parameters as text, by heading."""
     units, chosen = found.problem.units, {}
     for name, value in values.items():
         heading = f"{in_words(name)}, {unit_of(name, units)[0]}".rstrip(", ")
@@ -346,5 +347,5 @@ def _chosen(found: Answer, values: Mapping[str, float]) -> dict[str, str]:
 
 
 def _number(name: str, value: float, units: Mapping[str, str]) -> str:
-    """Return a parameter as text, in the unit that it was given in."""
+    """Return a parameter as text, in the unit in which it was given."""
     return f"{shown(name, value, units):.6g}"

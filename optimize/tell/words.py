@@ -1,4 +1,4 @@
-"""The numbers and sentences of an answer as text, for the console and for the page."""
+"""The numbers and sentences of an answer as text, for the console and the page."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -14,26 +14,26 @@ from jaxcrusher.scenes.units import said, unit_of
 from optimize.answer import Active, Answer, Confirmed, Runs
 from optimize.search.confirm import long_window
 
-# A number this near a bound of its box, as a share, is at it: rounding.
+# A number this near to a bound of its box, as a share, is at the bound: the rest is rounding.
 AT_END = 1e-12
-# A force that changes by less than this share of itself neither falls nor rises.
+# A force that changes by a smaller share counts as unchanged.
 UNCHANGED = 1e-3
 
 
 def name_of(meaning: str) -> str:
-    """Return what a sentence calls a quantity of this meaning."""
+    """Return the name in sentences of the quantity with this meaning."""
     known = {STATISTIC[force].meaning: name for force, name in CALLED.items()}
     return known.get(meaning, meaning)
 
 
 def besides(forces: Iterable[str], *told: str) -> dict[str, str]:
-    """Return the names and meanings of forces, less the meanings that are `told` already."""
+    """Return the names and meanings of forces, without the meanings in `told`."""
     meanings = {name: STATISTIC[name].meaning for name in forces}
     return {name: meaning for name, meaning in meanings.items() if meaning not in told}
 
 
 def interval(runs: Runs) -> str:
-    """Return a mean with its interval, and what is wrong with the runs."""
+    """Return a mean with its interval, and failures or whirl of the runs."""
     failed = runs.count - int(runs.by_run["success"].sum())
     if failed:
         return "failed" if failed == runs.count else f"{failed} of {runs.count} failed"
@@ -44,7 +44,7 @@ def interval(runs: Runs) -> str:
 
 
 def orbit(design: Confirmed) -> str:
-    """Return the objective on the orbit with the digits it has, or why there is none."""
+    """Return the objective on the orbit and its stability, or say that there is no orbit."""
     found = design.orbit
     if found is None or not found.found:
         return "none" if found is None else "none found"
@@ -55,7 +55,7 @@ def orbit(design: Confirmed) -> str:
 
 
 def turns(design: Confirmed) -> str:
-    """Return the turns in which a disturbance of the orbit falls to 1/e."""
+    """Return the turns in which a disturbance of the orbit decays to 1/e, or "unknown"."""
     found = design.orbit
     if found is None or not found.found or found.undecided:
         return "unknown"
@@ -63,21 +63,21 @@ def turns(design: Confirmed) -> str:
 
 
 def coexisting(design: Confirmed) -> str:
-    """Return to which orbits random starts come, and how many to none."""
+    """Return the orbits to which random starts converge, and the share without an orbit."""
     found = [
         f"{one.share:.0%} of random starts come to {number(one.objective)}"
         + (f" over {one.solution.period} turns" if one.solution.period > 1 else "")
         for one in design.coexisting
     ]
     left = 1 - sum(one.share for one in design.coexisting)
-    # Shares are of a few starts.
+    # Shares of a few starts are large, so a smaller remainder is rounding.
     if found and left > 1e-6:
         found.append(f"{left:.0%} to no motion that repeats")
     return ", ".join(found)
 
 
 def active(one: Active, unit: str, units: Mapping[str, str]) -> str:
-    """Return an active constraint and its multiplier."""
+    """Return an active constraint with its multiplier, as text."""
     of, factor = (one.unit, 1.0) if one.unit else unit_of(one.parameter, units)
     by = "the floor of the capacity" if one.limit == "capacity" else f"its {one.limit} value"
     per = f" per {of}" if of else ""
@@ -88,14 +88,15 @@ Number = TypeVar("Number", float, np.ndarray)
 
 
 def shown(name: str, value: Number, units: Mapping[str, str]) -> Number:
-    """Return a parameter in the unit that it was given in, or that drawings have."""
+    """Return a parameter in the unit in which it was given, or in the unit of drawings."""
     return value / unit_of(name, units)[1]
 
 
 def answer(found: Answer) -> str:
-    """Return the answer in a sentence, which recommends a design only if every check passed.
+    """Return the answer in a sentence, which recommends a design only if nothing is against it.
 
-    A sentence before it says so where one of the two forces falls and the other one rises.
+    Reasons against it are failed checks, a map without a stable orbit, and motion outside the
+    contact model. If one force falls and the other rises, a first sentence says so.
     """
     best, other = found.optimum, found.reference
     if best is None or other is None:
@@ -142,7 +143,7 @@ def answer(found: Answer) -> str:
 
 
 def at_bounds(found: Answer, best: Confirmed) -> dict[str, str]:
-    """Say where a free number stands, of those at an end of the box or at the capacity's floor."""
+    """Name the end for each free number at an end of the box or at the capacity's floor."""
     limits = {}
     for name, bounds in found.problem.design.bounds.items():
         for bound, words in zip(bounds, ("lowest", "highest"), strict=True):
@@ -154,7 +155,7 @@ def at_bounds(found: Answer, best: Confirmed) -> dict[str, str]:
 
 
 def trade(found: Answer) -> str:
-    """Say that one force falls and the other rises, from the design compared with, or nothing."""
+    """Say which force falls and which rises against the compared design; else an empty text."""
     old, new = found.reference, found.optimum
     if old is None or new is None or not (old.counts and new.counts):
         return ""
@@ -172,7 +173,7 @@ def trade(found: Answer) -> str:
 
 
 def _unconfirmed(found: Answer) -> str:
-    """Say why an answer is not confirmed, or nothing."""
+    """Say why an answer is not confirmed; an empty text if it is confirmed."""
     if not found.checks:
         return "because the search ended before its checks"
     failed = [f"“{check.name}”" for check in found.checks if not check.passed]
@@ -183,7 +184,7 @@ def _unconfirmed(found: Answer) -> str:
 
 
 def outside(design: Confirmed) -> list[str]:
-    """Say what of a design's runs is outside the contact model, start by start."""
+    """Say for each start how the runs of a design leave the contact model."""
     found = []
     for start, runs in design.transient.items():
         known = bool(runs.first("success"))
@@ -193,7 +194,7 @@ def outside(design: Confirmed) -> list[str]:
 
 
 def limits(design: Confirmed) -> str:
-    """Say what of a design's runs is outside the contact model."""
+    """Say how a design's runs leave the contact model, or how far inside they are."""
     if found := outside(design):
         return "OUTSIDE the contact model: " + "; ".join(found)
     contacts = [
@@ -210,7 +211,7 @@ def limits(design: Confirmed) -> str:
 
 
 def error(answer: Answer) -> str:
-    """Explain the numbers of the starts."""
+    """Explain the averages of both starts and their intervals."""
     counts = {runs.count for one in answer.designs.values() for runs in one.transient.values()}
     settled = long_window(answer.problem.effort).settle
     return (

@@ -1,4 +1,4 @@
-"""report.html: what a search found, in one file that opens without a network."""
+"""report.html: the results of a search, in one file that opens without a network."""
 
 import base64
 import json
@@ -23,7 +23,7 @@ from optimize.tell import tables
 from optimize.tell import words as formatting
 from optimize.tell.words import shown
 
-# What the figures of a finished run show, in the order of the page.
+# Captions of the figures of a finished run, in the order of the page.
 FIGURES = {
     "curve.svg": "The objective over the free number that changes it most, along the line of the "
     "map next to the optimum.",
@@ -43,16 +43,16 @@ FIGURES = {
     "have not decayed in them. They show where a start whirls or fails.",
     "orbits.svg": "The objective of the periodic orbits, with the paths of the descents.",
 }
-# The page may fetch nothing: a browser refuses what this does not name.
+# The page loads nothing: a browser refuses all sources that this policy does not name.
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
-# Bytes of motions in a page before base64 makes a third more of them.
+# Greatest number of bytes of motions in a page; base64 adds a third to them.
 MOST_BYTES = 1_800_000
-# What int16 says where there is no number.
+# The int16 value for a missing number.
 NO_VALUE = -32768
 COLOURS = 64
-# Columns of the map that are no number of a cell to choose from.
+# Columns of the map that the page does not offer as a variable.
 UNSEEN = ("path", "force", "ideal_force", "ideal_objective", "slope")
-# Keys by which a search's options fix a crusher's numbers and choices.
+# Keys of numbers and choices that the options of a search fix.
 OPTIONS = ("friction", "slip", "load_law", "impact_law", "impact_velocity")
 
 
@@ -62,14 +62,14 @@ def write_page(
     figures: Sequence[str],
     omitted: Mapping[str, str] | None = None,
 ) -> Path:
-    """Write report.html, at once or not at all, and return its path.
+    """Write report.html, completely or not at all, and return its path.
 
     **Arguments:**
 
-    - `folder`: of the run; its name is the title.
-    - `answer`: as far as the search came; what is missing is named.
-    - `figures`: of `FIGURES`, those that this run drew: others in the folder are an earlier run's.
-    - `omitted`: why others had nothing to draw, by name.
+    - `folder`: the folder of the run; its name is the title.
+    - `answer`: the answer, which may be incomplete; the page names missing stages.
+    - `figures`: names in `FIGURES` that this run drew: other files may be from an earlier run.
+    - `omitted`: the reasons for omitted figures, by name.
     """
     failed, count = sum(not check.passed for check in answer.checks), len(answer.checks)
     orbits = None if answer.maps is None else answer.maps.orbits
@@ -104,7 +104,7 @@ def write_page(
 
 
 def _template() -> jinja2.Template:
-    """Every text is escaped; what is not there is an error."""
+    """Return the template; it escapes every text, and an undefined name is an error."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
     environment.filters["as_text"] = as_text
     environment.tests["number_cell"] = is_number
@@ -133,7 +133,7 @@ def _tables(answer: Answer) -> dict:
 
 
 def _picture(folder: Path, name: str) -> Markup:
-    """Return a picture as an element of the page."""
+    """Return a picture as an SVG element of the page."""
     text = (folder / name).read_text(encoding="utf-8")
     named = Markup('<svg class="picture" role="img" aria-label="{}" ').format(FIGURES[name])
     return Markup(text[text.index("<svg ") :]).replace(Markup("<svg "), named, 1)
@@ -144,15 +144,15 @@ def _part(name: str) -> str:
 
 
 def _script(content: dict) -> Markup:
-    """JSON for a script element of the page, which no text in it can end."""
+    """Return JSON for a script element of the page; no text in it can close the element."""
     text = json.dumps(content, allow_nan=False, separators=(",", ":"))
     return Markup(text.replace("<", r"\u003c"))
 
 
 def pack(orbits: xr.Dataset, answer: Answer) -> dict:
-    """Everything that the script draws of the map of orbits, ready for JSON.
+    """Return all data of the map of orbits that the script draws, ready for JSON.
 
-    Cells are numbered as they lie in memory, the last dim fastest.
+    Cells are numbered in the order of memory: the last dim varies fastest.
     """
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
@@ -202,7 +202,7 @@ def pack(orbits: xr.Dataset, answer: Answer) -> dict:
 
 
 def _variable(variable: xr.DataArray) -> dict:
-    """Name, meaning, unit and values of a number of the orbits."""
+    """Return name, meaning, unit and values of a variable of the orbits."""
     values = variable.to_numpy()
     return {
         "name": str(variable.name),
@@ -213,7 +213,7 @@ def _variable(variable: xr.DataArray) -> dict:
 
 
 def _states(orbits: xr.Dataset) -> list[str]:
-    """Say of each cell what its orbit is, or why it has none."""
+    """Describe the orbit of each cell, or say why the cell has no orbit."""
     names = ("success", "stable", "undecided", "counts", "inside_model")
     columns = [orbits[name].to_numpy().ravel().astype(bool) for name in names]
     failures = orbits.failure.to_numpy().ravel().tolist()
@@ -237,7 +237,7 @@ def _states(orbits: xr.Dataset) -> list[str]:
 def _more(answer: Answer) -> str:
     """Return the command that names the motion of a design, without its free numbers.
 
-    It is empty where other numbers of the machine follow from these.
+    It is empty if other numbers of the machine depend on the free ones.
     """
     if any(design.follows for design in answer.designs.values()):
         return ""
@@ -253,7 +253,7 @@ def _more(answer: Answer) -> str:
 def _nearest(
     values: Mapping[str, np.ndarray], design: Mapping[str, float], units: Mapping[str, str]
 ) -> int:
-    """The number of the cell next to a design, in shares of each parameter's range."""
+    """Return the number of the cell nearest to a design, in shares of each parameter's range."""
     offsets = [
         (cells - shown(name, design[name], units)) / (np.ptp(cells) or 1.0)
         for name, cells in values.items()
@@ -262,7 +262,7 @@ def _nearest(
 
 
 def _small(variable: xr.DataArray) -> dict:
-    """16-bit whole numbers, a row for each cell by a scale of its own; of a path all x, then y."""
+    """Return 16-bit integers with a row and a scale for each cell; a path has all x, then all y."""
     by_axis = variable.transpose(..., "axis", "instant") if "axis" in variable.dims else variable
     values = by_axis.to_numpy().reshape(-1, INSTANTS * variable.sizes.get("axis", 1))
     finite = np.isfinite(values)
