@@ -75,7 +75,7 @@ def run(options: Options, console: Console) -> int:
 
 
 def shown_force(scene: Scene) -> str:
-    """Return the name of the drawn force: the force through supports, or the leading force."""
+    """Return the name of the drawn force: the force through supports, or the headline force."""
     on_supports = "transmitted_force" in scene.observables
     return "transmitted_force" if on_supports else headline_force(scene)
 

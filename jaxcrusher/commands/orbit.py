@@ -134,7 +134,7 @@ def history(orbit: PeriodicOrbit) -> xr.Dataset:
 
 
 def draw(orbit: PeriodicOrbit, units: Mapping[str, str], path: Path) -> None:
-    """Draw each pin in its bore, and the leading force beside the force with ideal joints."""
+    """Draw each pin in its bore, and the headline force beside the force with ideal joints."""
     angles = 2 * np.pi * np.arange(ANGLES * orbit.period + 1) / ANGLES
     scene = orbit.scene
     shown, headline = headline_force(scene), scene.headline

@@ -110,7 +110,7 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
     # m/s, by joint: what tracked impact velocities come to, and are held at; None: not tracked
     frozen_impact_velocities: Mapping[str, Scalar] | None = None
     # what the motion from the pins at rest does, if it was waited for and led to no stable orbit,
-    # and its leading statistic over the last half of the turns that were waited for
+    # and its headline statistic over the last half of the turns that were waited for
     from_rest: RESULTS | None = None
     run: Statistics | None = None
     # what was tried for an orbit that was not found, in words
@@ -201,7 +201,7 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
         return " ".join(filter(None, (self._growth(), instead, self._run())))
 
     def _run(self) -> str:
-        """Say how large the leading statistic of the motion from rest is."""
+        """Say how large the headline statistic of the motion from rest is."""
         if self.run is None or not bool(self.run.success):
             return ""
         name = self.scene.headline
@@ -276,7 +276,7 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
 
     @override
     def _picture(self) -> str:
-        """Return the pins in their bores, and the leading force over the period."""
+        """Return the pins in their bores, and the headline force over the period."""
         if not self._is_one:
             return ""
         name, scene = headline_force(self.scene), self.scene

@@ -22,7 +22,7 @@ INSTANTS = 96
 # The stored curves, and the objective of the same machine with ideal joints.
 COLUMNS = {
     "path": Column("1", "place of the first pin, in clearances", dims=("instant", "axis")),
-    "force": Column("N", "the leading force over a turn", dims=("instant",)),
+    "force": Column("N", "the headline force over a turn", dims=("instant",)),
     "ideal_force": Column("N", "the same force with ideal joints", dims=("instant",)),
     "ideal_objective": Column("1", "the objective with ideal joints, if it is a statistic of them"),
 }

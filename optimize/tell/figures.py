@@ -316,7 +316,7 @@ def draw_bearings(folder: Path, problem: DesignProblem, design: Confirmed) -> No
 
 
 def draw_motions(folder: Path, answer: Answer) -> None:
-    """Draw the path of the first loose pin and the leading force of both designs over two turns.
+    """Draw the path of the first loose pin and the headline force of both designs over two turns.
 
     The motion is the periodic orbit. For a design without an orbit it continues the long run of the
     worse start.
