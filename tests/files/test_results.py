@@ -142,3 +142,8 @@ def test_a_table_as_csv_has_a_row_a_cell_and_units_in_its_headings():
         "25.0,1.0,2.0,True",
         "30.0,3.0,4.0,False",
     ]
+
+
+def test_only_files_that_exist_are_listed(tmp_path):
+    (tmp_path / "b.csv").touch()
+    assert results.listed(tmp_path, ("a.csv", "b.csv")) == str(tmp_path / "b.csv")
