@@ -30,10 +30,9 @@ def assert_slopes(function, at, step, *, rtol, atol=0.0, order=2, by=jax.jacrev)
 
     Slopes that are no numbers fail, and so do those of a function that nothing moves.
     """
-    found, expected = (
-        by(function)(np.asarray(at, dtype=float)),
-        differences(function, at, step, order),
-    )
-    assert np.shape(found) == expected.shape and np.any(expected)
-    np.testing.assert_allclose(found, expected, rtol=rtol, atol=atol, equal_nan=False)
-    return np.asarray(found)
+    found = np.asarray(by(function)(np.asarray(at, dtype=float)))
+    expected = differences(function, at, step, order)
+    assert np.any(expected)
+    close = dict(rtol=rtol, atol=atol, equal_nan=False)
+    np.testing.assert_allclose(found, expected, strict=True, **close)
+    return found
