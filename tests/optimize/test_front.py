@@ -1,7 +1,7 @@
 """Fronts, floors and multipliers on functions whose answers are known by hand."""
 
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -85,7 +85,7 @@ def a_problem(floor: float, slope: tuple[float, float]) -> Problem:
         names=names, bounds=bounds, unit=lambda values: np.array([values["a"] / 2, values["b"] / 5])
     )
     known = dict(design=design, upper=np.ones(2), links_free=True, capacity_floor=floor, limits=())
-    return cast(Any, SimpleNamespace(**known, slope=np.array(slope)))
+    return SimpleNamespace(**known, slope=np.array(slope))
 
 
 @pytest.fixture
@@ -159,7 +159,7 @@ def test_slopes_that_vanish_are_judged_by_the_objective(apart, good):
 
 def test_slopes_that_nobody_knows_are_told_in_words():
     best, problem = of_one_number(np.nan, np.nan)
-    answer: Any = SimpleNamespace(problem=problem, free_slopes={"a": np.nan}, active=())
+    answer = SimpleNamespace(problem=problem, free_slopes={"a": np.nan}, active=())
     for found in (*_slopes(best, problem), _stationary(answer, best)):
         assert not found.passed and "slopes are not known" in found.detail
 
@@ -171,14 +171,14 @@ def test_volume_is_that_of_the_links_of_each_design():
     problem = resolve(options)
     unit = np.array([0.3, 0.9])
     described = problem.design.description(unit)
-    found, chamber = cast(Any, {"sliding_power": 1.0}), problem.chamber_of(described)
+    found, chamber = {"sliding_power": 1.0}, problem.chamber_of(described)
     value = problem.objective.formula(found, problem.design.scene(unit), chamber)
     assert float(value) == pytest.approx(3600 / float(problem.capacity(unit)), rel=1e-14)
     assert float(problem.capacity(unit)) < 0.99 * float(problem.chamber.capacity(29.5))
-    number: Any = orbits._number  # which looks at no orbit for it
 
-    def capacity(unit):
-        return number(None, problem.design.scene(unit), unit, None, problem, "capacity")
+    def capacity(unit):  # no orbit is looked at for it
+        scene = problem.design.scene(unit)
+        return orbits._number(None, scene, unit, None, problem, "capacity")
 
     slopes = jax.grad(capacity)(jnp.asarray(unit))
     # The truncation of differences is 1e-8 of a third derivative of the size of the first.
