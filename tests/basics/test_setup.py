@@ -1,7 +1,6 @@
 """The call that sets a process up: each case in a process of its own, which has not yet started."""
 
 import os
-import subprocess
 import warnings
 
 import jax
@@ -14,14 +13,12 @@ from jaxcrusher.mechanism.observables import bearing_stiffness
 from jaxcrusher.orbits.result import RESULTS, missing
 from jaxcrusher.scenes.build import build_chamber
 from tests.pairs import slow
-from tests.processes import ended
+from tests.processes import python
 
 LOOP = "--xla_backend_extra_options=xla_cpu_small_while_loop_byte_threshold=262144"
 FUSION = "--xla_backend_extra_options=xla_cpu_disable_new_fusion_emitters"
 # From JAX 0.12 on XLA makes kernels of all loops, and there is nothing to warn of.
 UNASKED = jax.__version_info__ >= (0, 12)
-OURS = ("XLA_FLAGS", "EQX_ON_ERROR", "JAX_COMPILATION_CACHE_DIR", "JAX_ENABLE_X64")
-OURS += ("JAX_PLATFORMS", "JAX_PLATFORM_NAME", "JAX_DEFAULT_DEVICE")
 
 # Counts the programs that JAX compiles and does not find in its folder.
 COUNTED = """
@@ -38,14 +35,6 @@ scene = jc.ideal_scene(30.0)
 rms = jc.statistics(scene, 0, 1, outputs=("foundation_rms",), rtol=1e-6).foundation_rms
 print(len(missed), float(rms).hex())
 """
-
-
-def python(program: str, **environment: str) -> subprocess.CompletedProcess:
-    """Run a program in a fresh process, which this one's settings do not reach."""
-    inherited = {name: value for name, value in os.environ.items() if name not in OURS}
-    done = ended("-c", program, env=inherited | environment)
-    assert done.returncode == 0, done.stderr
-    return done
 
 
 def test_second_process_compiles_only_what_was_cut_off_and_finds_the_same_bits(tmp_path):

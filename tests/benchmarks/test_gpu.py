@@ -5,7 +5,7 @@ import pytest
 from benchmarks.gpu import run as program
 from benchmarks.gpu.run import Row, designs_table
 from benchmarks.pages import DOCS, tables_of
-from tests.lanes.test_card import Card, simulated  # noqa: F401
+from tests.lanes.cards import Card, simulated_card  # noqa: F401
 
 
 def test_without_a_card_one_line_is_all(monkeypatch, tmp_path):
@@ -25,7 +25,7 @@ def test_the_page_has_a_place_for_the_table():
 
 
 @pytest.mark.slow
-def test_a_card_fills_the_page(simulated: Card, monkeypatch, tmp_path):  # noqa: F811
+def test_a_card_fills_the_page(simulated: Card, monkeypatch, tmp_path):
     class Event:
         def record(self):
             self.at = simulated.used["kernels"]

@@ -22,6 +22,7 @@ from jaxcrusher.mechanism.acting import push_power
 from jaxcrusher.mechanism.motion import Crank, moving
 from jaxcrusher.mechanism.named import Named
 from tests.crusher.kinds import KINDS, at_start, check_laws, sliding
+from tests.differences import assert_slopes
 from tests.pairs import crossed
 
 ANGLES = np.radians(np.arange(0, 360, 30.0))
@@ -213,23 +214,16 @@ def test_slopes_by_curve_factor_and_point():
     values = {"joint": "ideal", "load_law": "by_angle", "speed": 27.0}
     curve = np.stack([ANGLES, 6e3 + 3e3 * np.cos(ANGLES - 2.0)], 1)
 
-    def rms(forces, factor, point):
-        given = jnp.stack([jnp.asarray(curve[:, 0]), forces], 1)
-        described = values | {"load_curve": given, "load_factor": factor, "load_point": point}
-        return jc.periodic_orbit(jc.build_scene(described)).foundation_rms
+    def rms(numbers):
+        given = jnp.stack([jnp.asarray(curve[:, 0]), numbers[:12]], 1)
+        described = {"load_curve": given, "load_factor": numbers[12], "load_point": numbers[13]}
+        return jc.periodic_orbit(jc.build_scene(values | described)).foundation_rms
 
-    at = jnp.asarray(curve[:, 1]), jnp.asarray(1.1), jnp.asarray(0.35)
-    slopes = jax.grad(rms, (0, 1, 2))(*at)
+    at = np.append(curve[:, 1], [1.1, 0.35])
+    # Differences over a thousandth are right to its square.
+    slopes = assert_slopes(rms, at, [20.0] * 12 + [1e-3] * 2, rtol=2e-5)
     # The force is linear in values times factor: Euler's theorem.
-    assert float(slopes[0] @ at[0]) == pytest.approx(float(1.1 * slopes[1]), rel=1e-9)
-    for i, step in ((0, jnp.zeros(12).at[4].set(20.0)), (1, jnp.asarray(1e-3)), (2, 1e-3)):
-        one, other = (
-            float(rms(*(a + sign * step if i == k else a for k, a in enumerate(at))))
-            for sign in (-1, 1)
-        )
-        expected = float(jnp.sum(slopes[i] * step))
-        # Differences over a thousandth are right to its square.
-        assert (other - one) / 2 == pytest.approx(expected, rel=2e-5)
+    assert float(slopes[:12] @ at[:12]) == pytest.approx(float(1.1 * slopes[12]), rel=1e-9)
 
 
 def test_a_bed_is_pressed_as_the_jaw_moves():
@@ -287,17 +281,10 @@ def test_a_bed_has_depths_enough_for_a_peak(monkeypatch):
 def test_slopes_by_the_bed():
     """Through the furthest place too, which the links move."""
 
-    def rms(modulus, length):
-        described = {"joint": "ideal", "load_law": "chamber", "jaw.length": length}
-        scene = jc.build_scene(described | {"chamber.bed_modulus": modulus})
+    def rms(numbers):
+        described = {"joint": "ideal", "load_law": "chamber", "jaw.length": numbers[1]}
+        scene = jc.build_scene(described | {"chamber.bed_modulus": numbers[0]})
         return jc.periodic_orbit(scene).foundation_rms
 
-    at = jnp.asarray(2e7), jnp.asarray(0.695)
-    slopes = jax.grad(rms, (0, 1))(*at)
-    for i, step in ((0, 1e4), (1, 1e-6)):
-        one, other = (
-            float(rms(*(a + sign * step if i == k else a for k, a in enumerate(at))))
-            for sign in (-1, 1)
-        )
-        # The corners of 1024 nodes, differenced over 1e-6 to 1e-3 of a number.
-        assert (other - one) / 2 / step == pytest.approx(float(slopes[i]), rel=1e-3)
+    # The corners of 1024 nodes, differenced over 1e-6 to 1e-3 of a number.
+    assert_slopes(rms, [2e7, 0.695], [1e4, 1e-6], rtol=1e-3)

@@ -13,6 +13,7 @@ from jaxcrusher.mechanism.acting import RoughFeed, rough_feed
 from jaxcrusher.mechanism.drives import GivenTorque
 from jaxcrusher.mechanism.scene import later
 from jaxcrusher.motion.statistics import statistics
+from tests.differences import assert_slopes
 from tests.pairs import slow
 
 ROUGH = {"load_scatter": 0.2, "load_bandwidth": 7.3, "load_seed": 5, "start": "contact"}
@@ -123,9 +124,8 @@ def test_seeds_run_in_lanes_and_scatter_has_slopes():
     def of(scatter):
         return rms(jc.build_scene(ROUGH | {"load_scatter": scatter, "joint": "ideal"}))
 
-    slope = float(jax.jacfwd(of)(0.2))
     # The turn's RMS is nearly linear in the scatter: differences over 1 % of it are right to 1e-4.
-    assert (of(0.202) - of(0.198)) / 0.004 == pytest.approx(slope, rel=1e-3)
+    assert_slopes(of, 0.2, 0.002, rtol=1e-3, by=jax.jacfwd)
 
 
 def test_what_repeats_each_turn_takes_the_mean_load_or_refuses():

@@ -41,7 +41,6 @@ def flow(field: Callable, interval: float, parameter: float | None = None) -> Ca
             stepsize_controller=diffrax.PIDController(rtol=1e-10, atol=1e-10),
             adjoint=diffrax.ForwardMode(),
         )
-        assert solution.ys is not None
         return solution.ys[0]
 
     return step

@@ -11,8 +11,8 @@ import pytest
 from jaxcrusher.commands.identify import amplitudes
 from jaxcrusher.identification.measurements import Measurement
 from jaxcrusher.scenes.reader import read_machine
+from tests.commands import run
 from tests.identification import by_hand
-from tests.whole.test_commands import run
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SCENE = 'joint = "ideal"\n[jaw]\nmass = "0.6 t"\n[shaft]\nmass_centre_radius = "8 mm"\n'

@@ -7,6 +7,7 @@ import jaxcrusher as jc
 from jaxcrusher.identification.identify import identify
 from jaxcrusher.identification.measurements import Measurement
 from jaxcrusher.identification.model import quantities_of, residual_rows
+from tests.differences import differences
 from tests.identification import by_hand
 
 pytestmark = pytest.mark.filterwarnings("ignore::jaxcrusher.basics.setup.UnusualNumbers")
@@ -65,15 +66,16 @@ def test_slopes_of_sensors_are_differences_of_harmonics_by_hand(found):
     u = np.array([by_hand.BLOCK[name] / size[name] for name in FREE])
     seen = found.problem.look(u, found.problem.quantities.asked(measured))
     _, slopes = residual_rows(measured, seen)
-    for i, name in enumerate(FREE):
-        step = 1e-5 * by_hand.BLOCK[name]
-        ends = []
-        for value in (by_hand.BLOCK[name] - step, by_hand.BLOCK[name] + step):
-            one = [z for s in SPEEDS for z in shown(by_hand.BLOCK | {name: value}, s).values()]
-            ends.append(np.array(one) / [m.amplitude for m in measured])
-        by = size[name] * (ends[1] - ends[0]) / (2 * step)
-        # Central differences of a step of 1e-5, of a model that is linear to 1e-6.
-        np.testing.assert_allclose(slopes[:, i], by.view(float), atol=1e-5 * np.abs(by).max())
+
+    def harmonics(shares):
+        values = dict(zip(FREE, shares * u * np.array([size[n] for n in FREE]), strict=True))
+        one = [z for s in SPEEDS for z in shown(by_hand.BLOCK | values, s).values()]
+        return (np.array(one) / [m.amplitude for m in measured]).view(float)
+
+    by = differences(harmonics, np.ones(3), 1e-5) / u
+    most = np.abs(by).max(axis=0)
+    # Central differences of a step of 1e-5, of a model that is linear to 1e-6.
+    np.testing.assert_allclose(slopes / most, by / most, atol=1e-5)
 
 
 def test_what_can_be_measured_of_a_block():

@@ -1,12 +1,7 @@
 """A GPU's lanes without a GPU: each of its threads as one of the processor's, side by side."""
 
-import ctypes
 import shutil
 import subprocess
-import sys
-from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
-from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,114 +10,10 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.basics.devices import finds_card
 from jaxcrusher.batch.engines import in_lanes, map_all, on_gpu
-from jaxcrusher.lanes import card, machine, program
-from jaxcrusher.lanes.layout import FIELDS
-from tests.lanes.test_lanes import OF_STEPS, SEGMENTS, TIMES, Swing, _run, _swings
+from jaxcrusher.lanes import card, program
+from tests.lanes.cards import simulated_card  # noqa: F401
+from tests.lanes.swings import OF_STEPS, SEGMENTS, TIMES, Swing, run_of, swings_of
 from tests.pairs import slow
-
-
-class Memory(np.ndarray):
-    """Memory of the card or of the host, with an address; at first it holds no zeros."""
-
-    @property
-    def ptr(self):
-        return self.ctypes.data
-
-
-class Card:
-    """CuPy, whose card is the processor, and how often it was used for what.
-
-    It takes the text that PTX is made of, not PTX, and compiles that for the processor.
-    """
-
-    def __init__(self):
-        self.used = Counter()
-        device = SimpleNamespace(attributes={"MultiProcessorCount": 1}, id=0)
-        self.cuda = SimpleNamespace(
-            Device=lambda: device,
-            Stream=lambda non_blocking: self.stream(),
-            alloc=self.alloc,
-            alloc_pinned_memory=self.pinned,
-            function=SimpleNamespace(Module=self.module),
-            runtime=SimpleNamespace(),
-        )
-
-    def pinned(self, size):
-        return np.full(size, 0xA5, np.uint8).view(Memory)
-
-    def alloc(self, size):
-        memory = self.pinned(size)
-
-        def copy(kind, target, source, size):
-            self.used[kind] += 1
-            ctypes.memmove(target, source, size)
-
-        return SimpleNamespace(
-            memory=memory,
-            ptr=memory.ptr,
-            copy_from_host_async=lambda host, n, stream: copy("up", memory.ptr, host, n),
-            copy_to_host_async=lambda host, n, stream: copy("down", host, memory.ptr, n),
-        )
-
-    def stream(self):
-        self.used["streams"] += 1
-        return _Stream()
-
-    def compile(self, text):
-        self.used["compiled"] += 1
-        return text.encode()
-
-    def module(self):
-        return _Module(self)
-
-
-class _Stream:
-    """A stream in which everything is done at once."""
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        pass
-
-    def synchronize(self):
-        pass
-
-
-class _Module:
-    """Its kernel: every thread of every warp, eight at a time."""
-
-    def __init__(self, card):
-        self._card = card
-
-    def load(self, code):
-        self._machine = machine.load(code.decode())
-
-    def get_function(self, name):
-        assert name == "warps"
-        return self
-
-    def __call__(self, warps, threads, operands):
-        self._card.used["kernels"] += 1
-        advance = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(self._machine["advance"])
-        (tables,) = operands
-        with ThreadPoolExecutor(8) as pool:
-            for warp in range(*warps):
-                place = tables + 8 * len(FIELDS) * warp
-                list(pool.map(lambda lane, at=place: advance(at, lane), range(*threads)))
-
-
-@pytest.fixture
-def simulated(monkeypatch, tmp_path):
-    """The `Card`, with a folder of its own for machine code."""
-    found = Card()
-    monkeypatch.setitem(sys.modules, "cupy", found)
-    monkeypatch.setattr(card, "ptx", found.compile)
-    monkeypatch.setattr(card, "_STREAMS", [])
-    monkeypatch.setattr(machine, "cache_folder", lambda: tmp_path)
-    card._warps.cache_clear()
-    yield found
-    card._warps.cache_clear()
 
 
 def _ill(swings):
@@ -133,9 +24,9 @@ def _ill(swings):
 
 
 def test_threads_agree_with_lanes(simulated):
-    swings = _ill(_swings(80))
-    found, ends = map_all(_run, swings, engine=on_gpu)
-    exact, expected = map_all(_run, swings, engine=in_lanes)
+    swings = _ill(swings_of(80))
+    found, ends = map_all(run_of, swings, engine=on_gpu)
+    exact, expected = map_all(run_of, swings, engine=in_lanes)
     np.testing.assert_array_equal(np.flatnonzero(~np.asarray(ends.success)), [3, 17, 40])
     np.testing.assert_array_equal(ends.result._value, expected.result._value)
     # The same instructions, but for the order of sums.
@@ -148,15 +39,15 @@ def test_threads_agree_with_lanes(simulated):
 
 
 def _longer(swing):
-    return _run(swing, times=jnp.concatenate([TIMES, TIMES + SEGMENTS]))
+    return run_of(swing, times=jnp.concatenate([TIMES, TIMES + SEGMENTS]))
 
 
-@pytest.mark.parametrize(("function", "count"), [(_run, 3), (_run, 200), (_longer, 80)])
+@pytest.mark.parametrize(("function", "count"), [(run_of, 3), (run_of, 200), (_longer, 80)])
 def test_a_batch_is_one_copy_up_a_kernel_and_one_copy_down(simulated, function, count):
     """However many designs and segments there are; a second batch compiles nothing."""
     once = {"up": 1, "kernels": 1, "down": 1}
     for _ in range(2):
-        map_all(function, _swings(count), engine=on_gpu)
+        map_all(function, swings_of(count), engine=on_gpu)
     assert simulated.used == {name: 2 for name in once} | {"compiled": 1, "streams": 1}
 
 
@@ -211,9 +102,9 @@ def test_a_real_card_gives_the_same_bits_in_chunks_and_at_once():
 
 @needs_card
 def test_a_failure_on_a_real_card_stays_in_its_thread():
-    swings = _ill(_swings(80))
-    found, ends = map_all(_run, swings, engine=on_gpu)
-    exact, expected = map_all(_run, swings, engine=in_lanes)
+    swings = _ill(swings_of(80))
+    found, ends = map_all(run_of, swings, engine=on_gpu)
+    exact, expected = map_all(run_of, swings, engine=in_lanes)
     np.testing.assert_array_equal(ends.result._value, expected.result._value)
     for name in exact:
         # Far below the tolerance of 1e-9 where steps are the same.
@@ -223,7 +114,7 @@ def test_a_failure_on_a_real_card_stays_in_its_thread():
 def test_ptx_is_kept(simulated, monkeypatch, tmp_path):
     def again():
         card._warps.cache_clear()
-        map_all(_run, _swings(3), engine=on_gpu)
+        map_all(run_of, swings_of(3), engine=on_gpu)
         return simulated.used["compiled"], len(list(tmp_path.glob("*.ptx")))
 
     assert again() == (1, 1)
@@ -238,14 +129,14 @@ def test_ptx_is_kept(simulated, monkeypatch, tmp_path):
 def test_each_device_has_its_kernel(simulated):
     for device in (0, 0, 1):
         simulated.cuda.Device().id = device
-        map_all(_run, _swings(3), engine=on_gpu)
+        map_all(run_of, swings_of(3), engine=on_gpu)
     assert card._warps.cache_info().currsize == 2 and simulated.used["compiled"] == 1
 
 
 def test_the_text_is_taken_by_the_compiler_of_nvidia(simulated, monkeypatch, tmp_path):
     texts = []
     monkeypatch.setattr(card, "ptx", lambda text: texts.append(text) or text.encode())
-    map_all(_run, _swings(3), engine=on_gpu)
+    map_all(run_of, swings_of(3), engine=on_gpu)
     monkeypatch.undo()
     code = card.ptx(texts[0])
     assert b".visible .entry warps(" in code and b".extern" not in code

@@ -3,7 +3,7 @@
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from dataclasses import replace
 
 import diffrax
 import equinox as eqx
@@ -12,85 +12,22 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxcrusher.basics.following import Following, Instant
-from jaxcrusher.basics.integrate import (
-    RESULTS,
-    Carried,
-    InitialValueProblem,
-    Integration,
-    integrate,
-    pi_controller,
-)
+from jaxcrusher.basics.integrate import RESULTS
 from jaxcrusher.batch.engines import in_lanes, in_turn, map_all
 from jaxcrusher.lanes import machine, program, record
 from jaxcrusher.lanes.code import LANES
-from jaxcrusher.mechanism.reductions import summit
-from tests.basics.test_setup import python
-
-SEGMENTS, INSTANTS = 3, 20
-TIMES = jnp.arange(float(SEGMENTS))[:, None] + jnp.arange(1, INSTANTS + 1)[None] / INSTANTS
-
-
-class Swing(eqx.Module):
-    """x'' = force - stiffness sin x - x (1 + x^2)^exponent, and `blow` x'^2 that ends it early."""
-
-    stiffness: Any
-    blow: Any
-    exponent: Any
-
-
-def _initial(swing):
-    return Carried((jnp.full((), 0.5), 1 / swing.stiffness), {"work": jnp.zeros(())})
-
-
-def _field(time, y, swing):
-    place, rate = y.motion
-    force = jnp.cos(3 * time) - swing.stiffness * jnp.sin(place) + swing.blow * rate**2
-    force -= place * (1 + place**2) ** swing.exponent
-    return Carried((rate, force), {"work": force * rate})
-
-
-def _observe(time, y, swing):
-    place, rate = y.motion
-    return {"place": place * 2, "both": jnp.stack([rate, time + y.totals["work"]])}
-
-
-def _summarise(seen, end, kept):
-    return {
-        "last": seen["both"][-1],
-        "mean": jnp.mean(seen["place"]),
-        "most": end.totals["work"],
-        "kept": kept,
-    }
-
-
-def _watch(time, y, swing):
-    return {"place": y.motion[0], "power": y.motion[1] * jnp.cos(3 * time)}
-
-
-def _follow(kept, before, start, end):
-    """Return the top of the power, and a sum that begins with a number."""
-    power = summit(*(Instant(at.time, at.seen["power"]) for at in (before, start, end)))
-    step = 0.5 * (end.time - start.time) * (start.seen["place"] + end.seen["place"])
-    return jnp.maximum(kept[0], power), kept[1] + step
-
-
-FOLLOWING = Following(lambda swing: (-1e9, 0.5), _watch, _follow)
-# What parabolas and trapezia leave of the steps, which rounding moves: one in some hundred fails.
-OF_STEPS = 1e-4
-PROBLEM = InitialValueProblem(_initial, _field, _observe, _summarise, FOLLOWING)
-
-
-def _run(swing, solver=None, rtol=1e-9, max_steps=10_000, times=TIMES, problem=PROBLEM):
-    controller = pi_controller(rtol)
-    method = Integration(solver or diffrax.Tsit5(), controller, max_steps, 1e-3, None)
-    found, outcome = integrate(swing, times, problem=problem, method=method)
-    return found, outcome
-
-
-def _swings(count, seed=0):
-    stiffness = np.random.default_rng(seed).uniform(1, 400, count)
-    return Swing(stiffness, np.zeros(count), np.full(count, 1.5))
+from tests.lanes.swings import (
+    OF_STEPS,
+    PROBLEM,
+    SEGMENTS,
+    TIMES,
+    Swing,
+    again,
+    field_of,
+    run_of,
+    swings_of,
+)
+from tests.processes import python
 
 
 def _in_turn(function, swings):
@@ -109,7 +46,7 @@ def _taken(tree, index):
 
 @pytest.mark.parametrize("solver", [diffrax.Tsit5(), diffrax.Dopri5()])
 def test_the_steps_are_those_of_diffrax(solver):
-    swings, function = _swings(3 * LANES + 5), eqx.Partial(_run, solver=solver)
+    swings, function = swings_of(3 * LANES + 5), eqx.Partial(run_of, solver=solver)
     found, ends = in_lanes(function, swings)
     exact, expected = _in_turn(function, swings)
     assert ends.steps.max() > 2 * ends.steps.min(), "all lanes would do the same"
@@ -125,25 +62,25 @@ def test_the_steps_are_those_of_diffrax(solver):
 
 
 def test_the_bits_of_a_design_are_its_own():
-    swings = _swings(5 * LANES + 3)
-    whole = in_lanes(_run, swings)
+    swings = swings_of(5 * LANES + 3)
+    whole = in_lanes(run_of, swings)
     order = np.random.default_rng(2).permutation(5 * LANES + 3)
-    _equal(in_lanes(_run, _taken(swings, order)), _taken(whole, order))
+    _equal(in_lanes(run_of, _taken(swings, order)), _taken(whole, order))
     for size in (1, 2, LANES + 1):
         part = slice(7, 7 + size)
-        _equal(in_lanes(_run, _taken(swings, part)), _taken(whole, part))
-    _equal(map_all(_run, swings, 10, in_lanes), whole)
+        _equal(in_lanes(run_of, _taken(swings, part)), _taken(whole, part))
+    _equal(map_all(run_of, swings, 10, in_lanes), whole)
 
 
 SHARE = 1.0
 
 
 def _shortened(swing):
-    return _run(swing, times=SHARE * TIMES, rtol=1e-3)
+    return run_of(swing, times=SHARE * TIMES, rtol=1e-3)
 
 
 def test_a_global_that_changes_is_seen(monkeypatch):
-    swings = _swings(3)
+    swings = swings_of(3)
     for share in (1.0, 0.5, 1.0):
         monkeypatch.setitem(globals(), "SHARE", share)
         _, ends = map_all(_shortened, swings, engine=in_lanes)
@@ -151,11 +88,11 @@ def test_a_global_that_changes_is_seen(monkeypatch):
 
 
 def _brief(swing):
-    return _run(swing, times=1e-4 * TIMES)
+    return run_of(swing, times=1e-4 * TIMES)
 
 
 def test_segments_shorter_than_the_first_step():
-    swings = _swings(3)
+    swings = swings_of(3)
     (found, ends), (exact, expected) = in_lanes(_brief, swings), _in_turn(_brief, swings)
     np.testing.assert_array_equal(ends.steps, expected.steps)
     for ours, theirs in zip(jax.tree.leaves(found), jax.tree.leaves(exact), strict=True):
@@ -163,11 +100,11 @@ def test_segments_shorter_than_the_first_step():
 
 
 def _own_times(swing):
-    return _run(swing, times=TIMES / jnp.sqrt(swing.stiffness))
+    return run_of(swing, times=TIMES / jnp.sqrt(swing.stiffness))
 
 
 def test_each_design_may_have_times_of_its_own():
-    swings = _swings(LANES + 3)
+    swings = swings_of(LANES + 3)
     found, exact = in_lanes(_own_times, swings), _in_turn(_own_times, swings)
     np.testing.assert_allclose(found[1].reached, exact[1].reached, rtol=1e-15)
     for name in ("last", "mean", "most"):
@@ -175,21 +112,21 @@ def test_each_design_may_have_times_of_its_own():
 
 
 def test_the_number_of_threads_changes_no_bit(monkeypatch):
-    swings, found = _swings(5 * LANES + 3), []
+    swings, found = swings_of(5 * LANES + 3), []
     for threads in (1, 2, 5):
         monkeypatch.setattr(machine, "cores", lambda n=threads: n)
-        found.append(in_lanes(_run, swings))
+        found.append(in_lanes(run_of, swings))
     _equal(found[0], found[1])
     _equal(found[0], found[2])
 
 
 @pytest.mark.filterwarnings("error")
 def test_a_failure_stays_in_its_lane():
-    swings = _swings(4 * LANES)
+    swings = swings_of(4 * LANES)
     stiffness, blow = swings.stiffness.copy(), swings.blow.copy()
     ill = [3, 17, 18, 40]
     stiffness[3], blow[17], blow[18], stiffness[40] = np.nan, 50.0, -60.0, 1e9
-    function = eqx.Partial(_run, max_steps=3000)
+    function = eqx.Partial(run_of, max_steps=3000)
     mixed = Swing(stiffness, blow, swings.exponent)
     found, ends = in_lanes(function, mixed)
     expected_found, expected = _in_turn(function, mixed)
@@ -208,16 +145,14 @@ def test_a_failure_stays_in_its_lane():
 
 def _bent(time, y, swing):
     """A field that chooses by a number, and does not read it otherwise."""
-    return _field(time, y, Swing(swing.stiffness, jnp.where(swing.blow > 1, 1.0, 0.0), 1.5))
+    return field_of(time, y, Swing(swing.stiffness, jnp.where(swing.blow > 1, 1.0, 0.0), 1.5))
 
 
 def test_a_number_that_is_not_finite_fails_whatever_it_does():
     """NaN stands for a number outside of its limits, and one that is only compared hides it."""
-    swings = _swings(4)
+    swings = swings_of(4)
     odd = Swing(swings.stiffness, np.array([0.0, np.nan, 0.0, np.inf]), swings.exponent)
-    function = eqx.Partial(
-        _run, problem=InitialValueProblem(_initial, _bent, _observe, _summarise, FOLLOWING)
-    )
+    function = eqx.Partial(run_of, problem=replace(PROBLEM, field=_bent))
     (found, ends), (_, expected) = in_lanes(function, odd), _in_turn(function, odd)
     np.testing.assert_array_equal(expected.success, [True, False, True, False])
     _equal((ends.success, ends.reached), (expected.success, expected.reached))
@@ -228,32 +163,25 @@ def _each(result):
     return [jax.tree.map(lambda leaf, k=i: jnp.asarray(leaf[k]), result) for i in range(4 * LANES)]
 
 
-def _again(swing):
-    """An integration whose numbers another one has found."""
-    found, outcome = _run(swing)
-    stiffness = swing.stiffness + 1e-3 * found["mean"][-1]
-    return _run(Swing(stiffness, swing.blow, swing.exponent))[0]["last"], outcome.steps
-
-
 def test_an_integration_after_another():
-    swings = _swings(LANES + 1)
-    (last, steps), (exact, _) = in_lanes(_again, swings), _in_turn(_again, swings)
+    swings = swings_of(LANES + 1)
+    (last, steps), (exact, _) = in_lanes(again, swings), _in_turn(again, swings)
     assert last.shape == (LANES + 1, SEGMENTS, 2) and steps.shape == (LANES + 1,)
     # The tolerance of a step, on which rounding may turn the verdict.
     np.testing.assert_allclose(last, exact, atol=1e-9)
 
 
 def _slope(swing):
-    return jax.grad(lambda swing: jnp.sum(_run(swing)[0]["mean"]))(swing)
+    return jax.grad(lambda swing: jnp.sum(run_of(swing)[0]["mean"]))(swing)
 
 
 def _twice(swing):
     """A loop over integrations."""
-    return jax.lax.scan(lambda swing, _: (swing, _run(swing)[0]["last"]), swing, length=2)[1]
+    return jax.lax.scan(lambda swing, _: (swing, run_of(swing)[0]["last"]), swing, length=2)[1]
 
 
 def test_what_lanes_cannot_do_is_done_in_turn_and_said():
-    swings = _swings(3)
+    swings = swings_of(3)
     said = "Lanes do not know derivatives: the engine 'loop' computes these scenes."
     with pytest.warns(UserWarning, match=said):
         found = map_all(_slope, swings, engine=in_lanes)
@@ -261,12 +189,12 @@ def test_what_lanes_cannot_do_is_done_in_turn_and_said():
     with pytest.warns(UserWarning, match="Lanes do not know an integration inside `scan`"):
         map_all(_twice, swings, engine=in_lanes)
     with pytest.warns(UserWarning, match="Lanes do not know the solver `Heun`"):
-        map_all(eqx.Partial(_run, solver=diffrax.Heun(), rtol=1e-3), swings, engine=in_lanes)
-    median = InitialValueProblem(
-        _initial, _field, _observe, lambda seen, *_: jnp.sort(seen["place"])[10]
+        map_all(eqx.Partial(run_of, solver=diffrax.Heun(), rtol=1e-3), swings, engine=in_lanes)
+    median = replace(
+        PROBLEM, summarise=lambda seen, *_: jnp.sort(seen["place"])[10], following=None
     )
     with pytest.warns(UserWarning, match="Lanes do not know the primitive `sort`"):
-        map_all(eqx.Partial(_run, problem=median, rtol=1e-3), swings, engine=in_lanes)
+        map_all(eqx.Partial(run_of, problem=median, rtol=1e-3), swings, engine=in_lanes)
 
 
 def test_threads_share_one_program(monkeypatch):
@@ -280,7 +208,7 @@ def test_threads_share_one_program(monkeypatch):
     monkeypatch.setattr(program, "Program", slow)
     monkeypatch.setattr(program, "_PROGRAMS", {})
     with ThreadPoolExecutor(4) as pool:
-        operands = [_run] * 4, [_swings(1)] * 4, [machine.PROCESSOR] * 4
+        operands = [run_of] * 4, [swings_of(1)] * 4, [machine.PROCESSOR] * 4
         found = list(pool.map(program.program, *operands))
     assert len(built) == 1 and all(one is found[0] for one in found)
 
@@ -294,9 +222,9 @@ def test_threads_write_and_compile_one_program_once(monkeypatch):
         return texts[-1]
 
     monkeypatch.setattr(record, "kernels", slow)
-    function = eqx.Partial(_run, rtol=2e-9)  # of no other test
+    function = eqx.Partial(run_of, rtol=2e-9)  # of no other test
     with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(in_lanes, [function] * 4, [_swings(3)] * 4))
+        found = list(pool.map(in_lanes, [function] * 4, [swings_of(3)] * 4))
     assert len(texts) == 1
     for other in found[1:]:
         _equal(other, found[0])
@@ -305,7 +233,7 @@ def test_threads_write_and_compile_one_program_once(monkeypatch):
 @pytest.mark.parametrize("which", [0, 1])
 def test_an_interrupted_batch_stops_its_threads(monkeypatch, which):
     # One thread fails, the first or the second; the other has work for minutes.
-    swings = _swings(2 * LANES)
+    swings = swings_of(2 * LANES)
     advance = machine._advance
 
     def interrupted(*operands):
@@ -317,7 +245,7 @@ def test_an_interrupted_batch_stops_its_threads(monkeypatch, which):
     monkeypatch.setattr(machine, "cores", lambda: 2)
     with pytest.raises(KeyboardInterrupt):
         in_lanes(
-            eqx.Partial(_run, rtol=1e-13, max_steps=10**9),
+            eqx.Partial(run_of, rtol=1e-13, max_steps=10**9),
             Swing(swings.stiffness * 1e9, swings.blow, swings.exponent),
         )
 
@@ -330,7 +258,7 @@ from jax._src import xla_bridge
 xla_bridge.register_backend_factory("second", xla_bridge.make_cpu_client, priority=1000)
 from jaxcrusher.batch.engines import in_lanes
 from jaxcrusher.lanes import program
-from tests.lanes.test_lanes import _again, _swings
+from tests.lanes.swings import again, swings_of
 processor, run, used = set(jax.devices("cpu")), program._Group.run, []
 
 def watched(group, operands, count):
@@ -348,7 +276,7 @@ def watched(group, operands, count):
 
 program._Group.run = watched
 assert not jax.numpy.ones(1).devices() <= processor
-in_lanes(_again, _swings(70))
+in_lanes(again, swings_of(70))
 print(len(used) > 0, all(used))
 """
 

@@ -12,7 +12,7 @@ from jaxcrusher.mechanism.linkage import Point
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.observables import cap_velocity, point_acceleration, point_velocity
 from jaxcrusher.mechanism.topology import FRAME
-from tests.mechanism.test_any_linkage import moved, scene_of
+from tests.mechanism.loosened import moved, scene_of
 
 SENSORS = {"four-bar": "coupler", "slider-crank": "slider"}
 

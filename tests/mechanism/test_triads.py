@@ -13,6 +13,7 @@ from jaxcrusher.mechanism.motion import Crank, continued, followed, ideal_at_res
 from jaxcrusher.mechanism.named import Named
 from jaxcrusher.mechanism.topology import Dyad, Triad
 from jaxcrusher.mechanism.triads import Guess
+from tests.differences import assert_slopes
 
 TRIADS = ["stephenson", "chain"]
 
@@ -81,22 +82,11 @@ def test_slopes_and_second_slopes_are_those_of_differences(linkages, name):
     Forward as in reverse, and over many angles at once.
     """
     at = lambda numbers: places(linkages[name], numbers)  # noqa: E731
-    point, step = jnp.array([1e-3, 2e-4, -1e-4, 2.0]), 1e-5
-
-    def by_differences(function):
-        ways = jnp.eye(4) * step
-        slopes = [
-            8 * (function(point + way) - function(point - way))
-            - (function(point + 2 * way) - function(point - 2 * way))
-            for way in ways
-        ]
-        return jnp.stack(slopes, axis=-1) / (12 * step)
-
-    slope, bend = jax.jit(jax.jacfwd(at)), jax.jit(jax.jacfwd(jax.jacfwd(at)))
-    first, second = slope(point), bend(point)
+    point = jnp.array([1e-3, 2e-4, -1e-4, 2.0])
+    beside = dict(order=4, rtol=0, by=lambda function: jax.jit(jax.jacfwd(function)))
     # Rounding of 1e-16 over steps of 1e-5, of sizes of up to a hundred; fourth order of 1e-20.
-    np.testing.assert_allclose(first, by_differences(jax.jit(at)), rtol=0, atol=1e-10 * 30)
-    np.testing.assert_allclose(second, by_differences(slope), rtol=0, atol=1e-8 * 30)
+    first = assert_slopes(jax.jit(at), point, 1e-5, atol=1e-10 * 30, **beside)
+    assert_slopes(jax.jit(jax.jacfwd(at)), point, 1e-5, atol=1e-8 * 30, **beside)
     np.testing.assert_allclose(jax.jit(jax.jacrev(at))(point), first, rtol=0, atol=1e-11)
     many = jax.jit(jax.vmap(at))(jnp.stack([point, 0 * point]))
     np.testing.assert_allclose(many[0], at(point), rtol=0, atol=1e-13)

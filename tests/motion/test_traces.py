@@ -9,7 +9,7 @@ import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.basics.last_step import earlier, floats_counted_at_once
-from tests.basics.test_setup import python
+from tests.processes import python
 
 steps = []
 

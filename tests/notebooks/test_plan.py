@@ -1,20 +1,14 @@
 """Notebooks teach by one plan, and their pictures are of their code."""
 
 import re
-from pathlib import Path
 
 import nbformat
 import pytest
 
 from notebooks.make import DIGEST, digest, export
+from tests.notebooks.lessons import FOLDER, NOTEBOOKS, cells
 
-FOLDER = Path(__file__).parents[2] / "notebooks"
-NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
 pytestmark = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-
-
-def cells(path: Path, kind: str) -> list:
-    return [cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == kind]
 
 
 def test_nine_short_ones(path):

@@ -6,7 +6,7 @@ import nbformat
 import pytest
 
 from notebooks.make import execute
-from tests.notebooks.test_plan import FOLDER, NOTEBOOKS, cells
+from tests.notebooks.lessons import FOLDER, NOTEBOOKS, cells
 
 pytestmark = pytest.mark.usefixtures("compiled_once")
 # What these print hangs on no clock and on no chaotic motion.

@@ -1,7 +1,7 @@
 """Fronts, floors and multipliers on functions whose answers are known by hand."""
 
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +16,7 @@ from optimize.search.active import active_constraints
 from optimize.search.descents import above, descend
 from optimize.search.front import front, nondominated
 from optimize.tell.checks import _slopes, _stationary
+from tests.differences import differences
 
 UPPER = np.ones(2)
 
@@ -84,7 +85,7 @@ def a_problem(floor: float, slope: tuple[float, float]) -> DesignProblem:
         names=names, bounds=bounds, unit=lambda values: np.array([values["a"] / 2, values["b"] / 5])
     )
     known = dict(design=design, upper=np.ones(2), links_free=True, capacity_floor=floor, limits=())
-    return cast(Any, SimpleNamespace(**known, slope=np.array(slope)))
+    return SimpleNamespace(**known, slope=np.array(slope))
 
 
 @pytest.fixture
@@ -139,25 +140,27 @@ def test_a_limit_and_the_floor_hold_together():
     assert left == {"a": 0.0}
 
 
+def of_one_number(slope, apart) -> tuple[Any, Any]:
+    """An optimum with a slope, and its problem."""
+    orbit = SimpleNamespace(slopes={"a": slope}, slopes_apart={"a": apart})
+    best = SimpleNamespace(settles=True, orbit=orbit, objective=1e4)
+    return best, SimpleNamespace(design=SimpleNamespace(bounds={"a": (0.0, 1.0)}))
+
+
 @pytest.mark.parametrize("apart, good", [(1e-4, True), (1e-1, False)])
 def test_slopes_that_vanish_are_judged_by_the_objective(apart, good):
     """0.1 N over a box of 1 wide is 1e-5 of the objective, and far more than the slope."""
-    orbit = SimpleNamespace(slopes={"a": 1e-9}, slopes_apart={"a": apart})
-    best = SimpleNamespace(settles=True, orbit=orbit, objective=1e4)
-    problem = SimpleNamespace(design=SimpleNamespace(bounds={"a": (0.0, 1.0)}))
-    (check,) = _slopes(cast(Any, best), cast(Any, problem))
+    best, problem = of_one_number(1e-9, apart)
+    (check,) = _slopes(best, problem)
     assert check.passed == good
-    # A motion that comes to no orbit has none that a check could be of.
-    assert _slopes(cast(Any, SimpleNamespace(settles=False, orbit=orbit)), cast(Any, problem)) == ()
+    best.settles = False  # to no orbit that a check could be of
+    assert _slopes(best, problem) == ()
 
 
 def test_slopes_that_nobody_knows_are_told_in_words():
-    orbit = SimpleNamespace(slopes={"a": np.nan}, slopes_apart={"a": np.nan})
-    best = SimpleNamespace(settles=True, orbit=orbit, objective=1e4)
-    problem = SimpleNamespace(design=SimpleNamespace(bounds={"a": (0.0, 1.0)}))
-    answer: Any = SimpleNamespace(problem=problem, free_slopes={"a": np.nan}, active=())
-    of_answer = _stationary(answer, cast(Any, best))
-    for found in (*_slopes(cast(Any, best), cast(Any, problem)), of_answer):
+    best, problem = of_one_number(np.nan, np.nan)
+    answer = SimpleNamespace(problem=problem, free_slopes={"a": np.nan}, active=())
+    for found in (*_slopes(best, problem), _stationary(answer, best)):
         assert not found.passed and "slopes are not known" in found.detail
 
 
@@ -168,17 +171,15 @@ def test_volume_is_that_of_the_links_of_each_design():
     problem = resolve(options)
     unit = np.array([0.3, 0.9])
     described = problem.design.description(unit)
-    found, chamber = cast(Any, {"sliding_power": 1.0}), problem.chamber_of(described)
+    found, chamber = {"sliding_power": 1.0}, problem.chamber_of(described)
     value = problem.objective.formula(found, problem.design.scene(unit), chamber)
     assert float(value) == pytest.approx(3600 / float(problem.capacity(unit)), rel=1e-14)
     assert float(problem.capacity(unit)) < 0.99 * float(problem.chamber.capacity(29.5))
-    beside = 1e-4 * np.eye(2)
-    differences = (problem.capacity(unit + beside) - problem.capacity(unit - beside)) / 2e-4
-    # Their truncation is 1e-8 of a third derivative of the size of the first.
-    number: Any = orbits._number  # which looks at no orbit for it
 
-    def capacity(unit):
-        return number(None, problem.design.scene(unit), unit, None, problem, "capacity")
+    def capacity(unit):  # no orbit is looked at for it
+        scene = problem.design.scene(unit)
+        return orbits._number(None, scene, unit, None, problem, "capacity")
 
     slopes = jax.grad(capacity)(jnp.asarray(unit))
-    np.testing.assert_allclose(slopes, differences, rtol=1e-6)
+    # The truncation of differences is 1e-8 of a third derivative of the size of the first.
+    np.testing.assert_allclose(slopes, differences(problem.capacity, unit, 1e-4), rtol=1e-6)

@@ -1,7 +1,6 @@
 """Limits of statistics: how they are read, and what the search makes of them."""
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -95,7 +94,7 @@ def test_multiplier_of_a_limit_is_what_its_last_newton_costs():
     rows = orbits.solve(problem, unit[None])
     assert rows["counts"][0] and rows["shaking_rms"][0] == pytest.approx(limit, rel=OF_ORBIT)
     slopes = dict(zip(problem.design.names, rows["slope"][0], strict=True))
-    best: Any = SimpleNamespace(
+    best = SimpleNamespace(
         values=problem.design.numbers(unit),
         orbit=SimpleNamespace(slopes=slopes),
         crushing=SimpleNamespace(capacity=9.0),

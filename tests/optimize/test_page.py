@@ -7,7 +7,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
@@ -40,7 +40,7 @@ from optimize.tell import figures, tables
 from optimize.tell import words as formatting
 from optimize.tell.page.document import COLOURS, pack, write_page
 from optimize.tell.result import content
-from tests.optimize.by_hand import maps_of, orbit_by_hand, printed, solution_by_hand
+from tests.optimize.by_hand import maps_of, no_orbit, orbit_by_hand, printed, solution_by_hand
 
 SPEEDS, CLEARANCES = [25.0, 30.0, 35.0], [3e-5, 6e-5]
 EVIL = '</script><img src="http://example.org/x.png">&'
@@ -176,7 +176,6 @@ def page(tmp_path_factory):
     folder = tmp_path_factory.mktemp("page")
     orbits = hand_made_orbits()
     found = over_a_map(hand_made_answer(), orbits)
-    assert found.optimum is not None
     with plt.rc_context(figures.STYLE):
         figures.draw_curve(folder, found, found.optimum, orbits)
         figures.draw_orbits(folder, found, orbits)
@@ -256,7 +255,6 @@ def test_page_shows_what_it_knows_and_what_it_does_not(page):
 def test_the_first_screen_begins_with_what_matters(page):
     """A sentence, three numbers, and five columns; proofs and the way there come last."""
     found = replace(hand_made_answer(), active=(Active("speed", "lowest", 115.6),))
-    assert found.reference is not None
     other = replace(found.reference, forces={"foundation_rms": 22e3, "shaking_rms": 6270.0})
     found = replace(found, reference=other)
     assert tables.headline(found) == [
@@ -289,8 +287,7 @@ def test_the_first_screen_begins_with_what_matters(page):
 def test_a_linkage_is_told_by_what_is_free_and_by_its_objective():
     """It crushes nothing; of many free numbers the first are told."""
     found = hand_made_answer(("speed", "clearance", "friction"))
-    assert found.optimum is not None and found.reference is not None
-    plain: dict[str, Any] = {"crushing": None, "forces": {"shaking_rms": 1e3}}
+    plain = {"crushing": None, "forces": {"shaking_rms": 1e3}}
     one = replace(found.optimum, objective=2e3, **plain)
     two = replace(found.reference, objective=4e3, **plain)
     of = replace(OBJECTIVES["peak"], name="peak", meaning="peak in B")
@@ -532,7 +529,6 @@ def test_a_cell_without_an_orbit_has_the_command_that_names_its_motion():
         "--set friction 0.05"
     )
     # Where numbers follow from the free ones, these do not describe the machine.
-    assert found.optimum is not None
     follows = replace(found.optimum, follows={"shaft.eccentricity": 6e-3})
     assert pack(orbits, replace(found, optimum=follows))["more"] == ""
 
@@ -571,7 +567,6 @@ def test_the_curve_is_the_line_of_the_map_that_changes_the_objective_most(tmp_pa
     drawn = []
     monkeypatch.setattr(figures, "write_figure", lambda path, fig: drawn.append(fig))
     found, orbits = hand_made_answer(), hand_made_orbits()
-    assert found.optimum is not None
     figures.draw_curve(tmp_path, found, found.optimum, orbits)
     (ax,) = drawn[0].axes
     lines = {line.get_label(): line.get_xydata() for line in ax.lines}
@@ -806,11 +801,8 @@ def test_narrow_window_needs_no_sideways_scrolling(phone):
 @pytest.mark.slow
 def test_the_load_sheet_is_not_folded_on_paper(phone, tmp_path):
     sheet = {"optimum": [Row("harmonics", "left force", 2.0, 12.0, "N", 1.0)]}
-    solution = SimpleNamespace(scene=jc.ideal_scene(30.0))
     found = hand_made_answer()
-    assert found.optimum is not None
-    orbit: Any = SimpleNamespace(solution=solution, found=False, objective=np.nan)
-    found = replace(found, load_sheets=sheet, optimum=replace(found.optimum, orbit=orbit))
+    found = replace(found, load_sheets=sheet, optimum=replace(found.optimum, orbit=no_orbit()))
     phone.get(write_page(tmp_path, found, ()).as_uri())
     shown = """return [...document.querySelectorAll("details > :not(summary)")].map((one) =>
         one.checkVisibility({contentVisibilityAuto: true}) && one.offsetHeight > 0)"""
@@ -849,10 +841,10 @@ def test_a_load_sheet_knows_motor_and_points():
     """The group of a machine in ISO 10816-3 follows from its power."""
     block = {"foundation.mass": 6e3, "joint": "ideal"}
     solution = jc.periodic_orbit(jc.build_scene(block))
-    design: Any = SimpleNamespace(settles=True, orbit=SimpleNamespace(solution=solution))
+    design = SimpleNamespace(settles=True, orbit=SimpleNamespace(solution=solution))
     given = block | {"motor_power": 4e5, "foundation.points.corner": "1 m, 0.5 m"}
     problem = hand_made_problem("speed", **given)
-    answer: Any = SimpleNamespace(problem=problem, designs={"optimum": design})
+    answer = SimpleNamespace(problem=problem, designs={"optimum": design})
     (sheet,) = stages._load_sheets(answer).values()
     assert "motor_power is not given" not in sheet[0].remark
     assert any("corner" in row.name for row in sheet)
@@ -871,7 +863,7 @@ def test_load_sheets_stand_side_by_side():
     sheets = {"optimum": sheet(12.0), "scene file": sheet(34.0, free)}
     solution = SimpleNamespace(scene=jc.ideal_scene(30.0))
     design = SimpleNamespace(orbit=SimpleNamespace(solution=solution))
-    found: Any = SimpleNamespace(load_sheets=sheets, designs=dict.fromkeys(sheets, design))
+    found = SimpleNamespace(load_sheets=sheets, designs=dict.fromkeys(sheets, design))
     table = tables.load_sheet(found)
     assert table is not None and table.headings == ("", "optimum", "scene file")
     assert table.rows == [
@@ -881,4 +873,4 @@ def test_load_sheets_stand_side_by_side():
     ]
     assert "ISO 10816-3:2009" in table.about
     assert "Of the optimum the main bearing A is ideal, elbow B is ideal" in table.about
-    assert tables.load_sheet(cast(Any, SimpleNamespace(load_sheets={}))) is None
+    assert tables.load_sheet(SimpleNamespace(load_sheets={})) is None

@@ -60,7 +60,7 @@ def drawn(kept, tmp_path):
         orbits = xr.Dataset({name: (dims, column) for name, column in columns.items()})
         problem = SimpleNamespace(capacity=lambda units: units, objective=OBJECTIVES["rms"])
         maps = maps_of(CAPACITY.ravel(), orbits)
-        answer: Any = SimpleNamespace(designs=designs, fronts=fronts, problem=problem, maps=maps)
+        answer = SimpleNamespace(designs=designs, fronts=fronts, problem=problem, maps=maps)
         with plt.rc_context(figures.STYLE):
             figures.draw_fronts(tmp_path, answer)
         return kept[-1]
@@ -114,7 +114,7 @@ def test_a_figure_without_a_front_is_left_out_with_its_reason():
         ((), known, "the optimum is not known to come to its periodic orbit"),
     ):
         maps = maps_of(np.zeros((1, 2)), orbits)
-        answer: Any = SimpleNamespace(problem=problem, maps=maps, fronts=fronts, optimum="one")
+        answer = SimpleNamespace(problem=problem, maps=maps, fronts=fronts, optimum="one")
         assert why in figures._no_front(answer)
 
 
@@ -136,7 +136,7 @@ def test_descents_are_drawn_on_the_map_of_orbits_alone(kept, tmp_path):
     orbits["settling_turns"] = tuple(axes), np.array([[9.0, 90.0], [20.0, 30.0], [40.0, 50.0]])
     values = {"speed": 30.0, "clearance": 5e-5}
     descent = SimpleNamespace(path={name: [value, value] for name, value in values.items()})
-    answer: Any = SimpleNamespace(
+    answer = SimpleNamespace(
         problem=resolve(Options()),
         refinement=(descent,),
         designs={"optimum": SimpleNamespace(values=values)},

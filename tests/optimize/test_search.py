@@ -9,7 +9,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from threading import Event
 from types import SimpleNamespace
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import Literal, get_args, get_origin, get_type_hints
 
 import jax.numpy as jnp
 import numpy as np
@@ -340,7 +340,7 @@ def test_the_bound_is_of_the_optimum_that_is_reported(monkeypatch, tmp_path):
 def test_an_optimum_that_does_not_settle_is_held_against_the_map():
     """Its mean lies 500 N above the bowl's least, which is 6 N below that of the map."""
     problem = resolve(Options(**SMALL))
-    best: Any = SimpleNamespace(settles=False, objective=20500.0, half_width=1.0)
+    best = SimpleNamespace(settles=False, objective=20500.0, half_width=1.0)
     maps = map_of_the_bowl(problem)
     found = unbounded(problem, maps, best)
     lowest = float(maps.counting_orbits.objective.min())
@@ -593,7 +593,7 @@ def test_what_is_said_of_the_force_is_true_of_it():
     """An orbit is below the ideal joint where runs are above; a speed is the highest there is."""
     problem = resolve(Options())
     runs = SimpleNamespace(by_run={"foundation_rms": np.array([18250.0])})
-    best: Any = SimpleNamespace(
+    best = SimpleNamespace(
         transient={"centred": runs},
         forces={"foundation_rms": 18000.0},
         ideal_rms=18240.0,
@@ -608,15 +608,15 @@ def test_what_is_said_of_the_force_is_true_of_it():
 @pytest.mark.parametrize("low, high", [(-14.0, 14.0), (-14.0, -2.0), (2.0, 14.0)])
 def test_an_end_of_the_box_is_inside_it(low, high):
     name = "counterweight.moment_along"
-    problem: Any = SimpleNamespace(design=SimpleNamespace(bounds={name: (low, high)}))
+    problem = SimpleNamespace(design=SimpleNamespace(bounds={name: (low, high)}))
     for value, inside in ((low, True), (high, True), (low - 1e-6, False), (high + 1e-6, False)):
-        best: Any = SimpleNamespace(values={name: value})
+        best = SimpleNamespace(values={name: value})
         assert verdicts._inside(best, problem) == inside
 
 
 @pytest.mark.parametrize("stable", [None, 0])
 def test_an_optimum_is_not_compared_with_a_map_that_has_no_orbit(stable):
-    maps: Any = SimpleNamespace(stable_orbits=stable)
+    maps = SimpleNamespace(stable_orbits=stable)
     nothing = Bound(None, None, 0, 0.0, "")
     answer = Answer(resolve(Options()), "", {}, maps=maps, bound=nothing)
     assert "no stable orbit to compare" in verdicts._beside_map(answer, "N")

@@ -8,6 +8,7 @@ import jaxcrusher as jc
 from benchmarks.peers import numba_peer
 from benchmarks.peers.equations import Crusher
 from jaxcrusher.motion.flow import flat
+from tests.differences import differences
 
 TURN = 2 * np.pi
 # Mesh to begin with, a turn; the swing goes round the bore some 27 times in one.
@@ -59,7 +60,6 @@ def test_the_orbit_by_boundary_values(orbit, field, judged):
 @pytest.mark.slow
 def test_multipliers_by_neighbouring_motions(orbit, field, judged):
     """Differences of SciPy's DOP853 over a turn, about the orbit by boundary values."""
-    start, step = judged.sol(0.0), 5e-5
 
     def after(y):
         run = solve_ivp(
@@ -67,12 +67,8 @@ def test_multipliers_by_neighbouring_motions(orbit, field, judged):
         )
         return run.y[:, -1]
 
-    def apart(shift):
-        return after(start + shift) - after(start - shift)
-
     # Of fourth order: a swing through a contact bends over hundredths of a clearance.
-    columns = [(8 * apart(d) - apart(2 * d)) / (12 * step) for d in step * np.eye(4)]
-    expected = np.poly(np.stack(columns, axis=1))
+    expected = np.poly(differences(after, judged.sol(0.0), 5e-5, order=4))
     # Two of them are nearly one, and lose digits that the polynomial they are roots of does not.
     # Measured: 2e-7, of steps a tenth or ten times as long some 3e-6.
     np.testing.assert_allclose(np.poly(np.asarray(orbit.multipliers)), expected, atol=1e-6)

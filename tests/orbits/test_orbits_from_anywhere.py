@@ -1,12 +1,12 @@
 """Orbits where the first try fails, and slopes that mean what they say."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxcrusher as jc
 from jaxcrusher.scenes.build import build_chamber
+from tests.differences import assert_slopes, differences
 
 
 def rms_at(clearance):
@@ -18,14 +18,13 @@ def rms_at(clearance):
 def test_eager_and_traced_orbits_mean_the_same():
     value, slope = jax.value_and_grad(rms_at)(5e-5)
     traced = jax.jit(jax.value_and_grad(rms_at))
-    under_jit, its_slope = traced(5e-5)
+    under_jit, its_slope = traced(np.float64(5e-5))
     # Both stand to 1e-8 of the RMS, with the same nodes.
     assert float(under_jit) == pytest.approx(float(value), rel=1e-8)
     assert float(its_slope) == pytest.approx(float(slope), rel=1e-6)
-    step = 1e-9
-    difference = (traced(5e-5 + step)[0] - traced(5e-5 - step)[0]) / (2 * step)
+    expected = differences(lambda clearance: traced(clearance)[0], 5e-5, 1e-9)
     # Each RMS is known to some 1e-11 of 22 407 N: 100 N/m over this step.
-    assert float(slope) == pytest.approx(float(difference), rel=5e-3)
+    assert float(slope) == pytest.approx(float(expected), rel=5e-3)
 
 
 @pytest.mark.slow
@@ -169,14 +168,9 @@ def test_a_hessian_past_an_impact():
         seen = jc.simulate(scene, [0.0, 3e-3], outputs=("foundation_force",))
         return seen["foundation_force"][-1]
 
-    at, step = jnp.ones(2), 1e-4
     slope = jax.jit(jax.jacfwd(force))
-    hessian = jax.jacfwd(jax.jacfwd(force))(at)
-    for i in range(2):
-        shift = jnp.zeros(2).at[i].set(step)
-        difference = (slope(at + shift) - slope(at - shift)) / (2 * step)
-        # Second derivatives are controlled to 1e-6, differences lose 1e-4 to the curve.
-        np.testing.assert_allclose(hessian[i], difference, rtol=2e-3, atol=1e-3)
+    # Second derivatives are controlled to 1e-6, differences lose 1e-4 to the curve.
+    assert_slopes(slope, np.ones(2), 1e-4, rtol=2e-3, atol=1e-3, by=jax.jacfwd)
 
 
 def test_the_slope_of_a_capacity():
@@ -184,7 +178,6 @@ def test_the_slope_of_a_capacity():
         return build_chamber({"chamber.discharge": discharge}).capacity(30.0)
 
     # Q is linear in b: the slope is a difference of any size.
-    difference = (capacity(0.04) - capacity(0.035)) / 0.005
-    assert float(jax.grad(capacity)(0.036)) == pytest.approx(float(difference), rel=1e-12)
+    assert_slopes(capacity, 0.036, 0.004, rtol=1e-12)
     with pytest.raises(ValueError, match="must be wider than the jaw's stroke"):
         jax.grad(capacity)(1e-3)

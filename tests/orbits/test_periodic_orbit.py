@@ -21,6 +21,7 @@ from jaxcrusher.orbits.result import WAYS
 from jaxcrusher.orbits.transient import section_points
 from jaxcrusher.periodic.multipliers import UNSURE
 from jaxcrusher.scenes.parameters import PARAMETERS, numbers_of
+from tests.differences import differences
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -105,7 +106,6 @@ def test_multipliers_against_the_section(orbit):
     """The Jacobian of the once-per-turn map, by tangents under the integrator's error control."""
     state = flat(orbit.state())
     section = poincare_section(orbit.scene, 0, 1, slices=8, state=state, rtol=1e-11)
-    assert section.jacobians is not None
     product = np.linalg.multi_dot([np.asarray(m) for m in section.jacobians[::-1]])
     expected = np.sort_complex(np.linalg.eigvals(product))
     found = np.sort_complex(np.asarray(orbit.multipliers))
@@ -222,14 +222,9 @@ def test_slopes_by_all_numbers():
     shares, backwards = (np.asarray(slope * at / middle) for slope in (forward, reverse))
     assert (np.abs(shares) > 1e-7).sum() == 25 and shares[NAMES.index("shaft.inertia")] == 0
     np.testing.assert_allclose(backwards, shares, rtol=1e-9, atol=1e-13)
-    step = 1e-3
-    for i, share in enumerate(shares):
-        ahead, back, further, behind = (
-            float(both(at.at[i].multiply(1 + k * step))[0] / middle) for k in (1, -1, 2, -2)
-        )
-        difference = (8 * (ahead - back) - (further - behind)) / (12 * step)
-        # Rounding of 1e-13 over the step, and its fourth power.
-        np.testing.assert_allclose(share, difference, rtol=1e-6, atol=2e-10, err_msg=NAMES[i])
+    expected = differences(lambda by: both(by * at)[0] / middle, np.ones(len(at)), 1e-3, order=4)
+    # Rounding of 1e-13 over the step, and its fourth power.
+    np.testing.assert_allclose(shares, expected, rtol=1e-6, atol=2e-10, err_msg=str(NAMES))
 
 
 def test_an_ideal_joint_is_a_sum():

@@ -13,6 +13,7 @@ from jaxcrusher.orbits.scene_problems import SceneFlow
 from jaxcrusher.orbits.section_map import outputs_along, passed
 from jaxcrusher.orbits.shot import closed
 from jaxcrusher.periodic.shooting_problem import ShootingProblem
+from tests.differences import differences
 
 # rad/s, m: its jaw opens without load, and for a moment the pin leaves its bore.
 CLOSING = jnp.array([34.23, 0.0645e-3])
@@ -104,17 +105,11 @@ def test_an_orbit_that_loses_contact_has_slopes_in_a_traced_call(waited):
 
     assert float(value) == pytest.approx(float(run(CLOSING)), rel=1e-8)
 
-    def difference(shift):
-        ahead, behind = (float(run(CLOSING + s * shift)) for s in (1, -1))
-        return (ahead - behind) / (2 * float(jnp.sum(shift)))
-
     # Over steps of half the length runs that impact may differ too little: by 1e-9 of the RMS from
-    # one version of XLA to the next. So two differences are extrapolated.
-    for i, step in enumerate((5e-4, 2.5e-9)):
-        shift = step * jnp.eye(2)[i]
-        expected = (4 * difference(shift) - difference(2 * shift)) / 3
-        # Measured: 1e-4 and 2e-5; the differences alone are off by 7e-4 and 6e-5.
-        assert float(slopes[i]) == pytest.approx(expected, rel=3e-4)
+    # one version of XLA to the next. So differences are of fourth order.
+    expected = differences(run, CLOSING, [5e-4, 2.5e-9], order=4)
+    # Measured: 1e-4 and 2e-5; those of second order are off by 7e-4 and 6e-5.
+    np.testing.assert_allclose(slopes, expected, rtol=3e-4)
 
 
 @pytest.mark.slow
@@ -143,13 +138,10 @@ def test_an_eager_call_is_a_traced_one_and_its_multipliers_are_of_the_map(waited
     def mapped(state):
         return np.asarray(jc.poincare_section(orbit.scene, 0, 1, state=state, rtol=1e-12).state)
 
-    step, columns = 1e-5, []
-    for unit in np.eye(4):
-        ahead, behind = (mapped(np.asarray(orbit.section) + s * step * unit) for s in (1, -1))
-        columns.append((ahead - behind) / (2 * step))
     matrix = closed(orbit.scene, orbit.section, 1).matrix
+    expected = differences(mapped, orbit.section, 1e-5)
     # Measured: 8e-6 with this step, 4e-5 with a tenth and 1e-3 with ten times of it.
-    np.testing.assert_allclose(np.transpose(columns), matrix, atol=1e-4 * np.abs(matrix).max())
+    np.testing.assert_allclose(expected, matrix, atol=1e-4 * np.abs(matrix).max())
     found = np.linalg.eigvals(matrix)
     np.testing.assert_allclose(
         np.sort_complex(found), np.sort_complex(orbit.multipliers), atol=1e-5

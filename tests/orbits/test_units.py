@@ -8,7 +8,6 @@ import pytest
 import jaxcrusher as jc
 from jaxcrusher.scenes.parameters import NUMBERS, complete, numbers_of
 from jaxcrusher.scenes.units import parse_unit
-from tests.orbits.test_supports import BLOCK, springs
 from tests.pairs import slow
 
 RESULTS = {"foundation_rms": "N", "shaking_rms": "N", "drive_power": "W"}
@@ -17,8 +16,11 @@ MACHINES = {
     "quiet": {},
     "surface": {"slip": "surface", "friction": 0.03},
     "block": {
-        **BLOCK,
-        **springs(4e7, 6e4),
+        "foundation.mass": 6000.0,
+        "foundation.x": 0.3,
+        "foundation.y": 0.2,
+        **{f"foundation.{way}_stiffness": 4e7 for way in ("horizontal", "vertical")},
+        **{f"foundation.{way}_damping": 6e4 for way in ("horizontal", "vertical")},
         "load_law": "normal_to_jaw",
         "counterweight.mass": 10.0,
     },

@@ -13,6 +13,7 @@ from jaxcrusher.periodic.multipliers import STEPS, matrix_error, multipliers
 from jaxcrusher.periodic.newton import RESULTS
 from jaxcrusher.periodic.system import System
 from jaxcrusher.periodic.trigonometric import differentiation, evaluate, nodes, resample
+from tests.differences import differences
 from tests.periodic.systems import duffing
 
 
@@ -190,15 +191,13 @@ def test_slopes_forward_reverse_and_by_differences():
     at = jnp.array([0.1, 0.5, 0.3, 0.6])
     reverse, forward = jax.jit(jax.grad(size))(at), jax.jit(jax.jacfwd(size))(at)
     np.testing.assert_allclose(reverse, forward, rtol=1e-11)
-    value, second, step = jax.jit(size), jax.jit(jax.hessian(size))(at), 1e-5
-    for i, shift in enumerate(step * np.eye(4)):
-        # A central difference errs by step^2 third derivatives, and rounding over step.
-        difference = (value(at + shift) - value(at - shift)) / (2 * step)
-        np.testing.assert_allclose(reverse[i], difference, rtol=1e-7, atol=1e-9)
+    # A central difference errs by step^2 third derivatives, and rounding over step.
+    expected = differences(jax.jit(size), at, 1e-5)
+    np.testing.assert_allclose(reverse, expected, rtol=1e-7, atol=1e-9)
+    second = jax.jit(jax.hessian(size))(at)
     np.testing.assert_allclose(second, second.T, rtol=1e-9, atol=1e-12)
-    along = jax.jit(jax.grad(size))
-    moved = (along(at.at[3].add(step)) - along(at.at[3].add(-step))) / (2 * step)
-    np.testing.assert_allclose(second[3], moved, rtol=1e-6, atol=1e-7)
+    moved = differences(jax.jit(jax.grad(size)), at, 1e-5)
+    np.testing.assert_allclose(second, moved, rtol=1e-6, atol=1e-7)
 
 
 def test_side_by_side():

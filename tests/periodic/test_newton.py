@@ -53,7 +53,6 @@ def test_it_comes_to_the_zero(guess):
 @pytest.mark.usefixtures("unchecked")  # equations of no branch
 def test_a_problem_comes_to_the_same_zero(guess):
     found, looks = by_problem(both(bent), guess)
-    assert found is not None
     # It ends with a step of less than 1e-7, taken, which squares what is left.
     np.testing.assert_allclose(found.unknowns, [1.0, 2.0], atol=1e-12)
     # What was kept is of the last look.
@@ -129,7 +128,6 @@ def test_noise_of_the_residual_ends_it():
         return left, 1e-4 * np.eye(2)
 
     quiet, _ = by_problem(noisy, np.zeros(2))
-    assert quiet is not None
     np.testing.assert_allclose(quiet.unknowns, [2.0, 2.0], atol=2 * NOISE / 1e-4)
     # Summarised of no noise, it looks on until its steps are used up or seem to lead nowhere.
     now = first_iterate(jnp.zeros(2))

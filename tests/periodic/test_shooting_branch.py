@@ -11,6 +11,7 @@ from jaxcrusher.periodic.branch_point import branch_point
 from jaxcrusher.periodic.event_curve import curve_of
 from jaxcrusher.periodic.events import origin, other_branch, sharpened, special_points
 from jaxcrusher.periodic.problem import Stride
+from tests.differences import differences
 from tests.periodic.maps import of_map
 
 
@@ -28,11 +29,9 @@ def of_function(of, period=1):
     """The problem of a map whose derivatives are differences."""
 
     def leads(point, states):
-        (state,), number, step = states, float(point[0]), 1e-6
-        shifts = step * np.eye(state.size)
-        columns = [(of(state + d, number) - of(state - d, number)) / 2e-6 for d in shifts]
-        jacobian = np.stack(columns, axis=1)
-        forcing = (of(state, number + step) - of(state, number - step)) / (2 * step)
+        (state,), number = states, float(point[0])
+        jacobian = differences(lambda state: of(state, number), state, 1e-6)
+        forcing = differences(lambda number: of(state, number), number, 1e-6)
         return of(state, number)[None], jacobian[None], forcing[None, :, None]
 
     return of_map(leads, period=period)
@@ -59,14 +58,10 @@ def test_slopes_of_the_matrix_of_three_slices():
 
     found = problem.vanishing(of, u, number, problem.linearised(u, number).seen)
     assert found.value == pytest.approx(at(u, number), rel=1e-12)
-    by_states, by_number = found.slopes
-    step = 1e-3  # of a polynomial; its third order leaves 1e-6
-    shifts = step * np.eye(u.size)
-    expected = [(at(u + d, number) - at(u - d, number)) / (2 * step) for d in shifts]
-    # The map's own differences leave 1e-10, which a step of 1e-6 makes 1e-4.
-    np.testing.assert_allclose(by_states, expected, atol=2e-3)
-    expected = (at(u, number + step) - at(u, number - step)) / (2 * step)
-    np.testing.assert_allclose(by_number, [expected], atol=2e-3)
+    # Of a polynomial, whose third order a step of 1e-3 makes 1e-6. The map's own differences leave
+    # 1e-10, which a step of 1e-6 makes 1e-4.
+    expected = differences(lambda both: at(both[:6], both[6]), [*u, number], 1e-3)
+    np.testing.assert_allclose(np.concatenate(found.slopes), expected, atol=2e-3)
 
 
 def test_folds_and_doublings_of_henons_map():
@@ -95,7 +90,6 @@ def test_where_both_rests_of_the_logistic_map_cross():
     rests = of_function(lambda state, number: number * state * (1 - state))
     guess, onward = np.array([0.02, 0.97]), np.array([1.0, 1.1])
     found = branch_point(rests, (1,), 1.0, guess, onward, furthest=0.1)
-    assert found is not None and found.crossing is not None
     # The map's own differences leave 1e-10 of its derivatives, and 1e-5 of what these bend.
     np.testing.assert_allclose(found.place, [0.0, 1.0], atol=1e-9)
     np.testing.assert_allclose(found.tangent, np.sqrt([0.5, 0.5]), atol=1e-4)

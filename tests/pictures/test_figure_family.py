@@ -24,12 +24,6 @@ ENDED = Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.
 RPM = 30 / np.pi
 
 
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    plt.close("all")
-
-
 def luminance(colour):
     """Relative luminance of sRGB, WCAG 2.1."""
     part = np.array(to_rgb(colour))

@@ -28,12 +28,6 @@ CLEARANCE, SPEED, COUNT = 0.06e-3, 30.0, 9
 ANGLES = 4 * np.pi + np.linspace(0, 2 * np.pi, COUNT)
 
 
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    plt.close("all")
-
-
 def invented(scene, **values):
     """Return a motion of numbers made up, as a film needs them, and no integration."""
     rng = np.random.default_rng(0)

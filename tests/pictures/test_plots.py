@@ -40,12 +40,6 @@ ENDED = Outcome(RESULTS.promote(diffrax.RESULTS.successful), jnp.zeros(()), jnp.
 TIMES = np.linspace(0, 0.2, 9)
 
 
-@pytest.fixture(autouse=True)
-def close_figures():
-    yield
-    plt.close("all")
-
-
 def test_letters_stand_where_the_equations_put_them():
     """O, B and S3 to scale, A with the eccentricity magnified; |A - B| is the jaw's length."""
     program = runpy.run_path(str(ROOT / "docs" / "pictures" / "geometry.py"))

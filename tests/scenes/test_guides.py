@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 
@@ -12,6 +11,7 @@ from jaxcrusher.joint.guide import Guide
 from jaxcrusher.joint.normal import sphere_stiffness
 from jaxcrusher.pictures.plots import pins_and_force
 from jaxcrusher.scenes.reader import linkage
+from tests.differences import assert_slopes
 from tests.pairs import slow
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -63,10 +63,7 @@ def test_an_orbit_has_slopes_by_the_numbers_of_a_guide(made, name, value):
         found = jc.periodic_orbit(made().scene(**{name: number}), guess=orbit)
         return found.values["drive_torque_rms"]
 
-    step = 1e-3 * value
-    difference = (torque(value + step) - torque(value - step)) / (2 * step)
-    slope = jax.grad(torque)(value)
-    assert float(slope) == pytest.approx(float(difference), rel=2e-6)
+    assert_slopes(torque, value, 1e-3 * value, rtol=2e-6)
     # What friction takes the drive gives.
     taken = float(orbit.values["drive_power"])
     assert (taken > 1.0) if made is rubbing else abs(taken) < 1e-9

@@ -15,6 +15,7 @@ from jaxcrusher.periodic.collocation import collocate
 from jaxcrusher.periodic.trigonometric import resample
 from jaxcrusher.sheets import feed_response
 from jaxcrusher.sheets.feed_response import RESPONSE_NODES, FeedResponse, _Crossing
+from tests.differences import assert_slopes, differences
 
 ROUGH = {"start": "contact", "load_scatter": 0.1, "load_bandwidth": 5.3}
 
@@ -67,14 +68,16 @@ def test_a_cosine_of_whole_order_makes_a_periodic_orbit(orbit, linear):
     # w of one cosine is sqrt(2) cos.
     turn = np.sqrt(2) * np.exp(1j * (order * angle + phase))
     expected = (turn[:, None] * waved(linear[0], float(order))[:, :2]).real
-    start, ends = resample(orbit.eccentricity, RESPONSE_NODES), []
-    for scatter in (1e-4, -1e-4):
+    start = resample(orbit.eccentricity, RESPONSE_NODES)
+
+    def orbit_under(scatter):
         scene = with_feed(orbit.scene, scatter, [float(order)], [phase])
         x, root = collocate(forced.system(scene, 1), start)
         assert bool(root.success)
-        ends.append(np.asarray(x))
-    found = (ends[0] - ends[1]) / 2e-4
+        return x
+
     # A central difference leaves the square of the scatter, times curvature of order ten.
+    found = differences(orbit_under, 0.0, 1e-4)
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
 
@@ -154,11 +157,9 @@ def test_slopes(monkeypatch):
         found = jc.feed_response(jc.periodic_orbit(jc.build_scene(values), nodes=128))
         return jnp.stack([found.rms, found.expected_rms, found.losing_scatter, found.losses])
 
-    _, slopes = jax.jvp(told, (jnp.asarray(0.0),), (jnp.asarray(1.0),))
-    differences = (np.asarray(told(1e-4)) - np.asarray(told(-1e-4))) / 2e-4
     # Differences over 1e-4 leave its square, times the curvature of a resonance at 0.3 of an order,
     # and of losses that are the 20th power of the scatter.
-    np.testing.assert_allclose(slopes, differences, rtol=1e-3)
+    assert_slopes(told, 0.0, 1e-4, rtol=1e-3, by=jax.jacfwd)
 
 
 def test_an_orbit_that_loses_contact_has_no_response(orbit):

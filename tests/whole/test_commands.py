@@ -1,8 +1,6 @@
 """The commands of `python -m jaxcrusher`: what they write, keep, print and refuse."""
 
-import contextlib
 import importlib.util
-import io
 import json
 import math
 import re
@@ -39,16 +37,7 @@ from jaxcrusher.orbits.result import RESULTS, missing
 from jaxcrusher.scenes.parameters import complete
 from jaxcrusher.scenes.reader import read_machine
 from jaxcrusher.scenes.units import said
-
-
-def run(*arguments) -> tuple[int | None, str]:
-    """Exit status and what was printed, in this process."""
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed), pytest.MonkeyPatch.context() as patch:
-        patch.setenv("COLUMNS", "200")
-        status = parse(__main__.run, [str(argument) for argument in arguments])()
-    return status, printed.getvalue()
-
+from tests.commands import run
 
 LACKS = "`by` must name numbers that the machine has, such as speed, but is"
 PUMP = Path(__file__).parents[2] / "examples" / "pump.toml"
