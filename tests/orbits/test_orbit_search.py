@@ -400,7 +400,7 @@ def test_each_effort_takes_its_tries_in_its_order():
             asked.append(("shot", turns))
             yield Attempt(orbit, orbit)
 
-        def wait(self):
+        def transient(self):
             return Still(0.1, self.budget)
 
     rest, shots = ("rest", 96), 3 * [("shot", 1)]
