@@ -36,7 +36,7 @@ def by_problem(linearised, guess):
         return *linearised(x), len(looks)
 
     looks = []
-    equations = SimpleNamespace(guess=jnp.asarray(guess), linearised=looked)
+    equations = SimpleNamespace(guess=jnp.asarray(guess), residual_and_jacobian=looked)
     return of_map(None).find_zero(equations), looks
 
 
