@@ -6,10 +6,12 @@ between their centres.
 
 import abc
 import dataclasses
+from typing import Self
 
 import equinox as eqx
 import jax
-from jaxtyping import PyTree, Scalar
+import jax.numpy as jnp
+from jaxtyping import ArrayLike, Float, PyTree, Scalar
 from typing_extensions import override
 
 from jaxcrusher.basics import smooth
@@ -17,7 +19,7 @@ from jaxcrusher.basics.plane import Vector, plus, scalar
 from jaxcrusher.basics.record import Printed, Record
 from jaxcrusher.joint.film import Film
 from jaxcrusher.joint.friction import AbstractFriction
-from jaxcrusher.joint.normal import AbstractNormalForce
+from jaxcrusher.joint.normal import AbstractNormalForce, ConstantImpactVelocity
 
 
 class Contact(Record):
@@ -48,6 +50,12 @@ class Memory(Record):
 
     impact: Scalar | None  # of the impact velocity, m/s
     friction: Scalar | None
+
+
+def touches_of(memory: PyTree[Scalar] | None) -> list[Memory]:
+    """Return what each place where a gap closes remembers: one for a pin, more for corners."""
+    parts = jax.tree.leaves(memory, is_leaf=lambda part: isinstance(part, Memory))
+    return [part for part in parts if isinstance(part, Memory)]
 
 
 class AbstractGap(Printed):
@@ -81,6 +89,11 @@ class AbstractGap(Printed):
         friction = None if self.friction is None else self.friction.initial()
         found = Memory(self.normal.impact_velocity.initial(), friction)
         return found if jax.tree.leaves(found) else None
+
+    def holding(self, velocities: Float[ArrayLike, "*touches"]) -> Self:
+        """Return the gap with a constant impact velocity (m/s), or with one of each touch."""
+        law = ConstantImpactVelocity(jnp.asarray(velocities, float))
+        return eqx.tree_at(lambda gap: gap.normal.impact_velocity, self, law)
 
     def memory_rate(self, contact: Contact, memory: PyTree[Scalar] | None) -> PyTree[Scalar] | None:
         """The time derivative of what the gap remembers, per second."""

@@ -20,6 +20,7 @@ The unknowns are x and y = p L/2, both in m: for small tilts x + y is how far th
 and x - y how far the rear end. The force to the left does work on x, and the moment over L/2 on y.
 """
 
+import dataclasses
 import functools
 import itertools
 import operator
@@ -28,7 +29,7 @@ from typing import cast
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import PyTree, Scalar
+from jaxtyping import ArrayLike, Float, PyTree, Scalar
 from typing_extensions import override
 
 from jaxcrusher.basics import smooth
@@ -50,6 +51,8 @@ class Guide(AbstractGap):
     corner_radius: Scalar = eqx.field(converter=scalar)  # of a corner, m
     normal: AbstractNormalForce  # of a corner
     friction: AbstractFriction | None
+    # Of each corner, where they hold velocities of their own; None: `normal` of all.
+    normals: tuple[AbstractNormalForce, ...] | None = None
 
     @property
     @override
@@ -76,11 +79,11 @@ class Guide(AbstractGap):
         axis, bulge = direction(tilt), sizes.y * 2 * jnp.sin(tilt / 2) ** 2
         remembered = (None,) * len(CORNERS) if memory is None else memory
         corners, moments = [], []
-        for (i, j), known in zip(CORNERS, remembered, strict=True):
+        for (i, j), own, known in zip(CORNERS, self._alone, remembered, strict=True):
             arm = Vector(i * sizes.x, j * sizes.y).along(axis)
             depth = j * play.x + i * j * sizes.x * axis.y - bulge - self.clearance
             moved = Vector(speed, rate.x) + tilting * arm.perp()
-            corner = self._corner(depth, j * moved.y, -moved.x, j, known)
+            corner = own._corner(depth, j * moved.y, -moved.x, j, known)
             corners.append(corner)
             moments.append(arm.cross(corner.force))
 
@@ -108,6 +111,12 @@ class Guide(AbstractGap):
             corners=tuple(corners),
         )
 
+    @property
+    def _alone(self) -> "list[Guide]":
+        """Return for each corner the guide of which all corners have its law."""
+        laws = self.normals or (self.normal,) * len(CORNERS)
+        return [dataclasses.replace(self, normal=law, normals=None) for law in laws]
+
     def _corner(
         self, depth: Scalar, rate: Scalar, slip: Scalar, side: int, memory: Memory | None
     ) -> Contact:
@@ -121,6 +130,12 @@ class Guide(AbstractGap):
         return Contact(
             depth, rate, none, pressed, force, lost, rubbing, -rubbing * slip, slip, slip
         )
+
+    @override
+    def holding(self, velocities: Float[ArrayLike, "*touches"]) -> "Guide":
+        each = jnp.broadcast_to(velocities, len(CORNERS))
+        laws = tuple(super(Guide, self).holding(one).normal for one in each)
+        return dataclasses.replace(self, normal=laws[0], normals=laws)
 
     @override
     def half_width_ratio(self, penetration: Scalar) -> Scalar:

@@ -67,8 +67,13 @@ def _memories(scene: Scene) -> list[PyTree]:
 
 def tracks(scene: Scene) -> bool:
     """Tell whether a joint of the scene tracks its impact velocity."""
-    laws = (joint.normal.impact_velocity for joint in scene.joints.values)
-    return any(law.initial() is not None for law in laws)
+    return bool(tracking(scene))
+
+
+def tracking(scene: Scene) -> list[str]:
+    """Return the joints that track their impact velocity."""
+    joints = scene.joints.items()
+    return [name for name, one in joints if one.normal.impact_velocity.initial() is not None]
 
 
 def unknowns(scene: Scene) -> int:

@@ -1,21 +1,26 @@
 """Tracked impact velocities, held at their final values.
 
 In contact a tracked impact velocity is constant, and any value of it repeats: an orbit does not
-determine it. The motion from the scene's own start does. Once this motion keeps contact at every
-joint, its last impact has fixed the velocity, and the scene with this constant has the same motion.
+determine it. The motion from the scene's own start does. Once this motion neither closes nor opens
+a gap that tracks, its last impact has fixed the velocity, and the scene with this constant has the
+same motion. A slider in its guide tracks a velocity at each of its corners.
 """
 
-import equinox as eqx
+import dataclasses
+from collections.abc import Mapping
+
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike, Float, PyTree, Scalar
 
-from jaxcrusher.joint.clearance import Memory
-from jaxcrusher.joint.normal import ConstantImpactVelocity
-from jaxcrusher.mechanism.reductions import ALL_THE_TIME
+from jaxcrusher.joint.clearance import touches_of
+from jaxcrusher.mechanism.named import Named
+from jaxcrusher.mechanism.reductions import ALL_THE_TIME, ShareAboveZero, Statistic
 from jaxcrusher.mechanism.scene import Scene
+from jaxcrusher.mechanism.snapshot import Snapshot
 from jaxcrusher.motion.flow import initial_state, unflattened
 from jaxcrusher.motion.section import poincare_section
+from jaxcrusher.orbits import forced
 from jaxcrusher.orbits.effort import Budget
 from jaxcrusher.orbits.transient import PIECE, TRANSIENT_RTOL, TURNS, piece
 
@@ -23,13 +28,33 @@ from jaxcrusher.orbits.transient import PIECE, TRANSIENT_RTOL, TURNS, piece
 KEPT = 12
 
 
-def settled_velocities(scene: Scene, budget: Budget) -> dict[str, Array] | None:
-    """Return the final impact velocity of each joint, from the scene's start, in m/s.
+@dataclasses.dataclass(frozen=True)
+class Depth:
+    """The penetration at one of the touches of a joint, m."""
 
-    None where contact is not kept within an effort: each impact then sets another velocity.
-    Concrete values only.
+    joint: str
+    touch: int
+
+    def __call__(self, s: Snapshot, scene: Scene) -> Scalar:
+        """Return it at an instant."""
+        contact = s.contacts.at(self.joint)
+        return (contact.corners or (contact,))[self.touch].penetration
+
+
+def settled_velocities(scene: Scene, budget: Budget) -> dict[str, Array] | None:
+    """Return the final impact velocities of the joints that track them, from the scene's start.
+
+    In m/s: one of a pin, four of a slider's corners. None where touches go on closing within an
+    effort: each impact then sets another velocity. Concrete values only.
     """
-    outputs = tuple(f"{scene.prefix(name)}contact_fraction" for name in scene.joints.names)
+    tracking = forced.tracking(scene)
+    counts = {name: len(touches_of(scene.joints.at(name).initial_memory())) for name in tracking}
+    depths = [Depth(name, touch) for name, count in counts.items() for touch in range(count)]
+    how = "1", "share of the time in which it is closed"
+    closed = {
+        f"touch_{i}": Statistic(*how, depth, ShareAboveZero()) for i, depth in enumerate(depths)
+    }
+    watched = scene.with_statistics(closed)
     state = initial_state(scene)
     for _ in range(budget.bounds.turns // TURNS):
         for _ in range(TURNS // PIECE):
@@ -41,24 +66,28 @@ def settled_velocities(scene: Scene, budget: Budget) -> dict[str, Array] | None:
             state = states[-1]
             if not bool(outcome.success):
                 return None
-        seen = poincare_section(scene, 0, KEPT, state=state, outputs=outputs, rtol=TRANSIENT_RTOL)
-        if all(bool(np.all(seen.values[name] >= ALL_THE_TIME)) for name in outputs):
+        seen = poincare_section(
+            watched, 0, KEPT, state=state, outputs=tuple(closed), rtol=TRANSIENT_RTOL
+        )
+        shares = [np.asarray(seen.values[name]) for name in closed]
+        # A touch that never closes has no impacts either, and its velocity does not matter.
+        if all(bool(np.all(one >= ALL_THE_TIME) or np.all(one == 0)) for one in shares):
             at = unflattened(state, scene)
             assert at is not None
-            found = {}
-            for name, joint in scene.joints.items():
-                memory = at.parts.memories[name]
-                impact = memory.impact if isinstance(memory, Memory) else None
-                found[name] = joint.normal.impact_velocity.value(impact)
-            return found
+            return {name: _velocities(scene, name, at.parts.memories[name]) for name in tracking}
     return None
 
 
-def held(scene: Scene, velocities: dict[str, Array]) -> Scene:
-    """Return the scene whose joints that track their impact velocity have these constant ones."""
-    for name, velocity in velocities.items():
-        if scene.joints.at(name).normal.impact_velocity.initial() is None:
-            continue  # the law of a whole bearing of one's own may not be a field of it
-        law = ConstantImpactVelocity(jnp.asarray(velocity))
-        scene = eqx.tree_at(lambda s, n=name: s.joints[n].normal.impact_velocity, scene, law)
-    return scene
+def _velocities(scene: Scene, name: str, memory: PyTree[Array]) -> Float[Array, "*touches"]:
+    law = scene.joints.at(name).normal.impact_velocity
+    found = [law.value(one.impact) for one in touches_of(memory)]
+    return found[0] if len(found) == 1 else jnp.stack(found)
+
+
+def held(scene: Scene, velocities: Mapping[str, Float[ArrayLike, "*touches"]]) -> Scene:
+    """Return the scene whose joints of these names have constant impact velocities."""
+    joints = {
+        name: joint.holding(velocities[name]) if name in velocities else joint
+        for name, joint in scene.joints.items()
+    }
+    return dataclasses.replace(scene, joints=Named(joints))

@@ -118,7 +118,7 @@ def orbit_by(
     # A tracked velocity is held where values are known, at whatever it comes to.
     somehow = scene
     if is_known and forced.tracks(scene):
-        somehow = held(scene, dict.fromkeys(scene.joints.names, jnp.ones(())))
+        somehow = held(scene, dict.fromkeys(forced.tracking(scene), 1.0))
     if refused := forced.unrepeatable(somehow):
         raise ValueError(f"Argument `scene` must {refused}.")
     # Shooting that is asked for is not bounded, and nodes that are given wait for nothing.

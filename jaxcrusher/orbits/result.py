@@ -107,8 +107,9 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
     closure: Scalar
     validity: Validity
     way: WAYS
-    # m/s, by joint: what tracked impact velocities come to, and are held at; None: not tracked
-    frozen_impact_velocities: Mapping[str, Scalar] | None = None
+    # m/s, by joint that tracks its impact velocity: what it comes to, and is held at, one for each
+    # corner of a slider; None: not tracked
+    frozen_impact_velocities: Mapping[str, Float[Array, "*touches"]] | None = None
     # what the motion from the pins at rest does, if it was waited for and led to no stable orbit,
     # and its headline statistic over the last half of the turns that were waited for
     from_rest: RESULTS | None = None
@@ -141,7 +142,10 @@ class PeriodicOrbit(AbstractNamed, eqx.Module, StatisticNames):
     def found(self) -> str:
         """Say by which way the orbit was found (concrete values only)."""
         held = self.frozen_impact_velocities or {}
-        said = [f"{float(v):.4g} m/s at the {name} joint" for name, v in held.items()]
+        said = [
+            f"{', '.join(f'{one:.4g}' for one in np.ravel(v))} m/s at the {name} joint"
+            for name, v in held.items()
+        ]
         kept = f", with the tracked impact velocity held at {', '.join(said)}" if said else ""
         return words(WAYS, self.way) + kept
 
@@ -437,7 +441,9 @@ def turns_of(orbit: PeriodicOrbit, entries: Mapping[str, Observable]) -> Turns:
 
 
 def finished(
-    orbit: PeriodicOrbit, scene: Scene, frozen_impact_velocities: Mapping[str, Scalar] | None = None
+    orbit: PeriodicOrbit,
+    scene: Scene,
+    frozen_impact_velocities: Mapping[str, Float[Array, "*touches"]] | None = None,
 ) -> PeriodicOrbit:
     """Return the orbit of `scene` as it is handed out: NaN in all numbers and slopes of a failure.
 

@@ -7,6 +7,7 @@ import pytest
 
 from jaxcrusher.basics.plane import Vector
 from jaxcrusher.joint.bristles import LuGre
+from jaxcrusher.joint.clearance import Memory, touches_of
 from jaxcrusher.joint.friction import AmbrosioFriction, SurfaceSlip
 from jaxcrusher.joint.guide import Guide
 from jaxcrusher.joint.normal import (
@@ -121,3 +122,23 @@ def test_each_corner_remembers_for_itself():
     rate = both.memory_rate(contact, memory)
     rising = [float(one.impact) > 0 for one in rate]
     assert rising == [True, False, False, False]
+
+
+def test_each_corner_holds_its_own_velocity():
+    """Held at what they remember, corners push as those that remember it: the same operations."""
+    tracking = guide(LankaraniNikravesh(sphere_stiffness(1e-3), 0.7, TrackedImpactVelocity()))
+    remembered = 0.1, 0.2, 0.3, 0.4
+    memory = tuple(Memory(jnp.asarray(one), None) for one in remembered)
+    assert [one.impact for one in touches_of(memory)] == list(remembered)
+    held = tracking.holding(jnp.asarray(remembered))
+    assert held.initial_memory() is None
+    # Each of the four touches in one of these, and approaches.
+    for play in (Vector(FLAT, 0.0), Vector(-FLAT, 0.0)):
+        moved = play, Vector(0.02, 0.01), 0.0
+        expected, found = seen(*moved, tracking, memory), seen(*moved, held)
+        assert touching(found) == 2
+        for one, other in zip(expected.corners, found.corners, strict=True):
+            assert float(one.normal_force) == float(other.normal_force)
+    # One velocity is that of all corners.
+    alike = tracking.holding(0.2)
+    assert [float(one.impact_velocity.speed) for one in alike.normals] == [0.2] * 4

@@ -1,6 +1,9 @@
 """Orbits with a tracked impact velocity, against the integrator, which tracks it."""
 
+from pathlib import Path
+
 import jax
+import numpy as np
 import pytest
 
 import jaxcrusher as jc
@@ -8,6 +11,8 @@ from jaxcrusher.orbits import periodic_orbit
 from jaxcrusher.orbits.effort import Budget
 from jaxcrusher.orbits.impact_velocities import settled_velocities
 from tests.differences import assert_slopes
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def test_a_tracked_velocity_is_held_at_what_it_comes_to():
@@ -18,6 +23,21 @@ def test_a_tracked_velocity_is_held_at_what_it_comes_to():
     assert float(orbit.frozen_impact_velocities["main"]) == pytest.approx(0.01, rel=1e-12)
     assert orbit.found.endswith("tracked impact velocity held at 0.01 m/s at the main joint")
     assert jc.periodic_orbit(jc.ideal_scene(30.0)).frozen_impact_velocities is None
+
+
+@pytest.mark.slow
+def test_a_slider_holds_a_velocity_at_each_corner():
+    """Its weight presses it to its lower edge, where it lands more slowly than the floor counts."""
+    machine = jc.read_machine(EXAMPLES / "loose_guide.toml").replace(gravity=9.81, speed=10.0)
+    orbit = jc.periodic_orbit(machine.scene())
+    np.testing.assert_allclose(orbit.frozen_impact_velocities["guide"], [0.01] * 4, rtol=1e-12)
+    assert orbit.stable and "held at 0.01, 0.01, 0.01, 0.01 m/s at the guide" in orbit.found
+    # The orbit of the same scene whose velocities are that constant.
+    constant = {"slides.guide.impact_law": "constant", "slides.guide.impact_velocity": 0.01}
+    other = jc.periodic_orbit(machine.replace(**constant).scene())
+    for name in ("shaking_rms", "drive_torque_rms"):
+        # Orbits are known to rounding.
+        assert float(orbit[name]) == pytest.approx(float(other[name]), rel=1e-10)
 
 
 @pytest.mark.slow
