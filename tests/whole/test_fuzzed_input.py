@@ -240,7 +240,8 @@ def as_written(text: str, machine: Machine) -> None:
             else:
                 yield prefix + name, value
 
-    for name, value in leaves(tomllib.loads(text.removeprefix("\ufeff").replace("\r\n", "\n"))):
+    text = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
+    for name, value in leaves(tomllib.loads(text)):
         key, factor = key_of(name), 1.0 if key_of(name) == name else 0.5
         if key not in machine.numbers:
             told = key.startswith(TIES) or key in FILES or key.endswith((".body", ".curve"))
