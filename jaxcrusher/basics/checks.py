@@ -142,6 +142,8 @@ def _require_each(
     known = primal(value)
     if known is None:
         return
+    large = isinstance(value, int) and known.dtype == object
+    require(not large, name, "be a float, or fit 64 bits as a whole number", "larger")
     numbers = np.issubdtype(known.dtype, np.number) or known.dtype == bool
     # Half a millisecond, so only where it is told.
     require(numbers, name, "be a number", "" if numbers else repr(value))

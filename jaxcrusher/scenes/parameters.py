@@ -5,7 +5,7 @@ PE250x400 of Wang, Cui, Wang, Appl. Sci. 2023, 13, 238, Tables 1 and 2.
 """
 
 import operator
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from types import MappingProxyType
@@ -554,8 +554,12 @@ def key_of(name: str) -> str:
     return f"{head}{dot}{DIAMETERS.get(tail, tail)}"
 
 
-def unknown(name: str, keys: Iterable[str]) -> ValueError:
+def unknown(name: str, keys: Collection[str]) -> ValueError:
     """Return the error, with near misses, of a name that is none of the keys."""
+    inside = [key for key in keys if key.startswith(f"{name}.")]
+    if inside:  # a value in the place of a table, an empty table, or [[a table]]
+        must = f"must be a table [{name}] with keys such as {inside[0]}, but has none."
+        return ValueError(f"Argument `{name}` {must}")
     near = _suggestion(name, tuple(keys))
     return ValueError(f"Argument `{name}` must be a known key, but is not{near}")
 
@@ -563,7 +567,7 @@ def unknown(name: str, keys: Iterable[str]) -> ValueError:
 def _suggestion(name: str, keys: tuple[str, ...]) -> str:
     """Near misses, or what there is."""
     head, _, tail = name.rpartition(".")
-    top, tables = name.partition(".")[0], tables_of(keys)
+    top, tables = name.partition(".")[0], [one for one in tables_of(keys) if "." not in one]
     known = dict.fromkeys([*(key for key in keys if "." not in key), *tables])
     if head and top not in tables:
         near = [f"[{table}]" for table in get_close_matches(top, tables, n=1)]
@@ -582,5 +586,6 @@ def _suggestion(name: str, keys: tuple[str, ...]) -> str:
 
 
 def tables_of(keys: Iterable[str]) -> tuple[str, ...]:
-    """Return the names of the tables that keys stand in."""
-    return tuple(dict.fromkeys(name.partition(".")[0] for name in keys if "." in name))
+    """Return the names of the tables that keys stand in, and of tables inside these."""
+    parts = (name.split(".") for name in keys)
+    return tuple(dict.fromkeys(".".join(one[:i]) for one in parts for i in range(1, len(one))))

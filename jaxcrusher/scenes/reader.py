@@ -20,6 +20,7 @@ the machine together, units, unknown keys, what comes with what, limits, and whe
 """
 
 import re
+import sys
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -43,6 +44,7 @@ from jaxcrusher.scenes.parameters import (
     SITE,
     check_number,
     key_of,
+    openers,
     refuse_others,
     tables_of,
     unknown,
@@ -58,6 +60,7 @@ from jaxcrusher.scenes.units import (
 )
 
 KINDS = ("crusher", "linkage")
+TABLES = frozenset(tables_of((*NUMBERS, *OF_LINKAGES, POINTS)))
 # The paper's crusher, of whose names those are that no machine is named for.
 PAPER = Machine(Crusher())
 # Reads a number of a unit, by its name and what is given.
@@ -225,6 +228,8 @@ def _slip(text: str, error: str) -> str:
     place = re.search(r"at line (\d+)", error)
     if "Cannot overwrite" in error:
         return f"line {place[1]} gives a key a second time" if place else "a key is given twice"
+    if "integer string conversion" in error:
+        return f"a whole number has more than {sys.get_int_max_str_digits()} digits"
     if place is None:
         return error
     line = text.split("\n")[int(place[1]) - 1]
@@ -348,18 +353,30 @@ def flattened(table: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, An
         name = prefix + key
         if isinstance(value, dict) and value and name not in (*NUMBERS, *CHOICES, *FILES):
             yield from flattened(value, f"{name}.")
-        elif name not in tables_of((*NUMBERS, *OF_LINKAGES)):
+            continue
+        _require_written(name, value)
+        if name not in TABLES:
             yield name, value
         elif value != {}:
             raise ValueError(f"Argument `{name}` must be a table [{name}], but is {value!r}.")
+
+
+def _require_written(name: str, value: Any) -> None:
+    """Refuse whole numbers of so many digits that Python does not write them."""
+    try:
+        str(value)
+    except ValueError:
+        most = f"more than {sys.get_int_max_str_digits()}"
+        raise ValueError(f"Argument `{name}` must have fewer digits, but has {most}.") from None
 
 
 @contextmanager
 def naming(path: Path | None, given: Iterable[str] = NUMBERS) -> Iterator[None]:
     """Let errors begin with the file that a description is from.
 
-    An error also names those of its numbers that are not `given`, and so are the PE250x400's.
-    Without `given` all numbers count as given.
+    An error also names those of its numbers that are not `given`, and so are the PE250x400's: of a
+    part that is there by its own number alone, such as a clearance of joint B, it has none. Without
+    `given` all numbers count as given.
     """
     try:
         yield
@@ -367,6 +384,7 @@ def naming(path: Path | None, given: Iterable[str] = NUMBERS) -> Iterator[None]:
         if path is None:
             raise
         said = str(error).removeprefix("Argument ")
-        left = [name for name in NUMBERS if f"`{name}`" in said and name not in set(given)]
+        theirs = (name for name in NUMBERS if name not in (*given, *openers(name)))
+        left = [name for name in theirs if f"`{name}`" in said]
         also = f" The file leaves {' and '.join(left)} to the PE250x400." if left else ""
         raise ValueError(f"{path}: {said}{also}") from None

@@ -231,6 +231,7 @@ def number_in(unit: str, name: str, value: Any) -> float:
         kind = "table" if isinstance(value, dict) else type(value).__name__
         raise ValueError(f"Argument `{name}` must be {_wanted(unit)}, but is a {kind}.")
     number = float(str(value))  # infinite if a whole number is too large for a float
+    require(unit == "1" or bool(np.isfinite(number)), name, "be finite", number)
     if unit != "1" and value != 0:
         raise ValueError(
             f"Argument `{name}` must have a unit, as in {_example(unit)}, but is "

@@ -42,6 +42,9 @@ REFUSED = [
     (require_positive, (np.array([1.0, -1.0]), "m"), "must be finite and > 0 m"),
     (require_positive, (-np.ones((40, 2)), "m"), r"but is \[\[-1. -1.\] \[.{60,90} \.\.\.\.$"),
     (require_positive, ("1", "m"), "must be a number, but is '1'"),
+    # NumPy has no whole number for them, and Python does not write the second one.
+    (require_positive, (2**64, "m"), "must be a float, or fit 64 bits as a whole number, but is"),
+    (require_within, (-(16**5000), -1.0, 1.0), "must be a float, or fit 64 bits as a whole"),
     (require_within, (-1e-9, 0.0, 1.0), r"must lie in \[0, 1\], but is -1e-09"),
     (require_within, (1.0 + 1e-9, 0.0, 1.0, "m"), r"must lie in \[0, 1\] m, but is"),
     (require_within, (np.nan, 0.0, 1.0), r"must lie in \[0, 1\], but is nan"),

@@ -909,6 +909,12 @@ def test_a_machine_is_not_made_of_links_that_do_not_close():
         ("[joints.B]", "[joints.A]", "is not TOML: Cannot declare"),
         ('kind = "linkage"', 'kind = "crane"', r"mine\.toml: `kind` must be one of"),
         ("[joints.B]", "[joint.B]", r"`joint` must be a known .* did you mean joints\?$"),
+        ("[joints.B]", "[[joints.B]]", r"`joints\.B` must be a table \[joints\.B\] with keys such"),
+        (
+            "[bodies.rod]",
+            "[bodies]\nrod = 1\n[points]",
+            r"`bodies\.rod` must be a table \[bod",
+        ),
         ("restitution", "restituton", r"`joints\.B\.restituton` .* mean joints\.B\.restitution\?$"),
         ("body = ", "bodi = ", r"`slides\.guide\.bodi` .* did you mean slides\.guide\.body\?$"),
         ("force = ", "fource = ", r"`forces\.pressure\.fource` .* mean forces\.pressure\.force\?$"),

@@ -219,6 +219,13 @@ def test_decimal_units_leave_the_very_float():
         ("[motor]\nmass = 5", "there are speed, clearance"),
         ("mass = 5", "did you mean shaft.mass or jaw.mass"),
         ("shaft = 5", "`shaft` must be a table [shaft]"),
+        # Tables inside of tables.
+        ("[elbow]\nfilm = 5", "`elbow.film` must be a table [elbow.film], but is 5."),
+        (
+            "[[foundation.soil]]\npoisson = 0.3",
+            "`foundation.soil` must be a table [foundation.soil]",
+        ),
+        ("foundation.points = 5", "`foundation.points` must be a table [foundation.points], but"),
         ("[speed]\nx = 5", '`speed` must be a quoted quantity such as "286 rpm", but is a table'),
         ("speed = true", '`speed` must be a quoted quantity such as "286 rpm", but is a bool'),
         (
@@ -278,7 +285,12 @@ def test_decimal_units_leave_the_very_float():
         ('speed = "-3 rpm"', "`speed` must be finite and > 0 rad/s, but is -0.3"),
         ("friction = nan", "`friction` must lie in"),
         ("friction = 1" + 400 * "0", "`friction` must lie in"),
-        ("speed = 1" + 400 * "0", '`speed` must have a unit, as in "286 rpm", but is inf'),
+        ("speed = 1" + 400 * "0", "`speed` must be finite, but is inf."),
+        ("speed = nan", "`speed` must be finite, but is nan."),
+        # Python writes no whole number of more than 4300 digits.
+        ("speed = 0x" + 5000 * "f", "`speed` must have fewer digits, but has more than 4300."),
+        ("load_curve = [[1, 0o" + 5000 * "7" + "]]", "`load_curve` must have fewer digits, but"),
+        ("speed = 1" + 5000 * "0", "is not TOML: a whole number has more than 4300 digits."),
         ('speed = "1e9999999999999999999 rpm"', "rpm' has an exponent of too many digits"),
         ('[counterweight]\nmass = "-5 kg"', "`counterweight.mass` must lie in [0, 100000] kg"),
         ('start = "middle"', "`start` must be one of 'centred', 'contact', but is 'middle'"),
@@ -320,6 +332,23 @@ def test_refusals(text, words, tmp_path):
 def test_refusals_of_single_values_and_of_what_is_no_file(call, words, tmp_path):
     with pytest.raises(ValueError, match=words):
         call(tmp_path)
+
+
+def test_an_empty_table_inside_of_a_table_is_none(tmp_path):
+    """As where all keys of a template's are commented out."""
+    file = tmp_path / "mine.toml"
+    file.write_text("[elbow.film]\n[foundation.soil]\n[foundation.points]\n[rod]\n")
+    assert read_scene_file(file) == {}
+
+
+@pytest.mark.parametrize(
+    "text", ["elbow.slip = 'surface'", "film_law = 'short'", "fluctuation_order = 2"]
+)
+def test_a_part_that_is_not_there_has_no_number_of_the_paper_s(text, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(text)
+    with pytest.raises(ValueError, match=r"must come with `[\w.]+`, but is alone\.$"):
+        jc.read_machine(file)
 
 
 def test_a_refusal_names_what_the_file_leaves_out(tmp_path):
