@@ -30,7 +30,7 @@ _WRONG = (
     r"|invalid literal for int\(\) with base 10: (.*))"
 )
 _HELPS = ("Perhaps you meant", "Arguments similar to", "Argument helptext", "For full helptext")
-_ASIDE = r"\(applied to .*?\)|(Got errors:|Arguments are applied).*"
+_ASIDE = r"(Got errors:|Arguments are applied).*"
 EXTRA = "the extra `bench` has all: pip install 'jaxcrusher[bench]'."
 
 
@@ -114,7 +114,9 @@ def _in_one_line(message: str, usage: str) -> str:
     lines = [line.strip("│ ") for line in message.splitlines()[1:-1]]
     # A terminal without such signs has a line of hyphens, also below the title.
     parts = re.split(r"^[─-]+$", "\n".join(lines), flags=re.MULTILINE)
-    plain = [" ".join(re.sub(_ASIDE, "", part, flags=re.DOTALL).split()) for part in parts]
+    name = " ".join(usage.partition("[-h]")[0].split()[1:])
+    plain = [re.sub(_ASIDE, "", " ".join(part.split())) for part in parts]
+    plain = [part.replace(f" (applied to {name})", "").strip() for part in plain]
     told = [part.rstrip(".") for part in plain if part and not part.startswith(_HELPS)]
     told[0] = re.sub(_WRONG, lambda wrong: _must_be(*wrong.groups()), told[0])
     unknown = re.match(r"Unrecognized.*?: ([\w-]+)", told[0])
@@ -122,7 +124,6 @@ def _in_one_line(message: str, usage: str) -> str:
     known = {*re.findall(r"--[a-z][\w-]*|(?<=[{,])\w+(?=[,}])", usage)}
     near = get_close_matches(unknown[1], known, n=2) if unknown else []
     is_it = f" Is it {' or '.join(near)}?" if near else ""
-    name = " ".join(usage.partition("[-h]")[0].split()[1:])
     return f"{'. '.join(told)}.{is_it} {name} --help tells all."
 
 
