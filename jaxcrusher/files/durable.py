@@ -44,6 +44,20 @@ def replace(path: Path, content: bytes) -> None:
         partial.write_bytes(content)
 
 
+def replace_checked(path: Path, content: bytes) -> None:
+    """Put a file in place as `replace` does, behind the checksum of its content."""
+    replace(path, hashlib.sha256(content).digest() + content)
+
+
+def read_checked(path: Path) -> bytes:
+    """Return the content of a file behind its checksum; raises ValueError where it is damaged."""
+    both = path.read_bytes()
+    known, content = both[:32], both[32:]
+    if hashlib.sha256(content).digest() != known:
+        raise ValueError(f"{path} does not match its checksum.")
+    return content
+
+
 def checksum(path: Path, *, sync: bool = False) -> str:
     """SHA-256 of a file; with `sync`, of one that is on the disk when this returns."""
     with open(path, "rb") as file:

@@ -2,11 +2,11 @@
 
 import hashlib
 import inspect
+import io
 import marshal
 import re
 import shutil
 import sys
-import zipfile
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
@@ -16,7 +16,7 @@ from typing import Any
 import equinox as eqx
 import numpy as np
 
-from jaxcrusher.files.durable import writing
+from jaxcrusher.files.durable import read_checked, replace_checked
 from jaxcrusher.files.provenance import PACKAGES, environment
 
 Arrays = dict[str, np.ndarray]
@@ -42,13 +42,14 @@ class Journal:
         for value in inputs:
             array = np.ascontiguousarray(value)
             digest.update(f"{array.dtype} {array.shape}\n".encode() + array.tobytes())
-        return self._folder / f"{digest.hexdigest()[:32]}.npz"
+        return self._folder / f"{digest.hexdigest()[:32]}.chunk"
 
     def keep(self, place: Path, arrays: Arrays) -> None:
         """Write the arrays of a finished chunk."""
         self._folder.mkdir(parents=True, exist_ok=True)
-        with writing(place) as partial:
-            np.savez(partial, **arrays)  # pyright: ignore
+        content = io.BytesIO()
+        np.savez(content, **arrays)  # pyright: ignore
+        replace_checked(place, content.getvalue())
 
     def discard(self) -> None:
         """Delete all that is kept: the work is finished and its result written."""
@@ -93,12 +94,16 @@ def _code(function: FunctionType, codes: dict[FunctionType, str]) -> str:
 
 
 def finished(place: Path) -> Arrays | None:
-    """Return the arrays of a chunk's file, None where it is not there or damaged."""
+    """Return the arrays of a chunk's file, None where it is not there or damaged.
+
+    The checksum is of the whole file: those of a zip file leave out its table of contents.
+    """
     try:
-        with np.load(place, allow_pickle=False) as file:
-            return dict(file)  # each array's checksum is compared
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        content = io.BytesIO(read_checked(place))
+    except (OSError, ValueError):
         return None
+    with np.load(content, allow_pickle=False) as file:
+        return dict(file)
 
 
 @cache

@@ -19,7 +19,7 @@ import numpy as np
 import platformdirs
 
 from jaxcrusher.basics.setup import cores
-from jaxcrusher.files.durable import replace
+from jaxcrusher.files.durable import read_checked, replace_checked
 from jaxcrusher.lanes.code import CORES, Shape
 from jaxcrusher.lanes.layout import WHOLE, Control, Designs, Lanes, Shared, lane_shapes, table
 from jaxcrusher.lanes.stepper import Kernels
@@ -74,22 +74,14 @@ def kept(kind: str, compiled: Callable[[], bytes], *key: str) -> bytes:
     digest = hashlib.sha256("\0".join(key).encode()).hexdigest()[:32]
     file = cache_folder() / f"{digest}.{kind}"
     try:
-        return _checked(file.read_bytes())
+        return read_checked(file)  # LLVM crashes on broken code.
     except (OSError, ValueError):  # There is none, or it is broken.
         code = compiled()
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        replace(file, hashlib.sha256(code).digest() + code)
+        replace_checked(file, code)
     except OSError:
         pass
-    return code
-
-
-def _checked(content: bytes) -> bytes:
-    """Return the machine code of a file, behind its checksum; LLVM crashes on a broken one."""
-    checksum, code = content[:32], content[32:]
-    if hashlib.sha256(code).digest() != checksum:
-        raise ValueError("The machine code does not match its checksum.")
     return code
 
 

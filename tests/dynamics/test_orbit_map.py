@@ -92,7 +92,7 @@ def test_killed_and_called_again_ends_with_the_same_bits(tmp_path):
     engine.__qualname__ = "counting"
     with pytest.raises(Killed):
         orbit_map(**asked, store=tmp_path / "map", engine=engine)
-    first = len(list(tmp_path.glob("map/.sweep/journal/*.npz")))
+    first = len(list(tmp_path.glob("map/.sweep/journal/*.chunk")))
     found = orbit_map(**asked, store=tmp_path / "map", engine=engine)
     assert first == 1 and not (tmp_path / "map/.sweep/journal").exists()
     for name, values in whole.items():

@@ -58,3 +58,16 @@ def test_what_is_kept_is_not_computed_again(tmp_path):
     assert kept("sum", 1.0, 2.0) == 3.0 and len(computed) == 4
     journal.discard()
     assert not tmp_path.exists()
+
+
+def test_no_damaged_bit_of_a_chunk_passes(tmp_path):
+    """One in the table of contents of NumPy's file left an array out, or raised another error."""
+    place = tmp_path / "chunk"
+    Journal(tmp_path).keep(place, {"a": np.arange(3.0), "why": np.array(["no", "yes"])})
+    whole = place.read_bytes()
+    assert (found := finished(place)) is not None and list(found["why"]) == ["no", "yes"]
+    for n in range(len(whole)):
+        place.write_bytes(whole[:n] + bytes([whole[n] ^ 8]) + whole[n + 1 :])
+        assert finished(place) is None, n
+        place.write_bytes(whole[:n])
+        assert finished(place) is None, n
