@@ -155,33 +155,45 @@ class AbstractFollowed(abc.ABC):
         return jnp.mean(values)
 
 
-# Less than all that is seen, and yet a number of which there are differences.
-NOTHING_YET = -1e300
+# Less than all that is seen, and more; and yet numbers of which there are differences.
+NOTHING_YET, ANYTHING = -1e300, 1e300
 
 
 @dataclass(frozen=True)
 class Largest(AbstractFollowed):
-    """The largest value, as the top of a parabola through the ends of three steps.
+    """The largest value; inside a step it is the top of a parabola through the ends of three.
 
-    Slopes are those of the motion at that instant.
+    Of a step there are two, with the step before it and with the next one, and the lower one
+    counts: where a load ends at once one of them rises above all that is seen. The first step and
+    the last one have one parabola, whose top counts in their half by the other one. Slopes are
+    those of the motion at that instant.
     """
 
     lowest: float = -math.inf  # of a size it is zero
 
     @override
     def begin(self) -> tuple[float, ...]:
-        return (NOTHING_YET,)
+        """Return the largest value, the last step's top as yet, and what counts if none follows."""
+        return (NOTHING_YET, ANYTHING, NOTHING_YET)
 
     @override
     def follow(
         self, kept: tuple[Scalar, ...], before: Instant, start: Instant, end: Instant
     ) -> tuple[Scalar, ...]:
-        seen = (start.seen, end.seen, summit(before, start, end))
-        return (functools.reduce(jnp.maximum, seen, kept[0]),)
+        largest, waiting, _ = kept
+        earlier, later = summits(before, start, end)
+        seen = (start.seen, end.seen, jnp.minimum(waiting, earlier))
+        alone = jnp.where(end.seen >= start.seen, ANYTHING, NOTHING_YET)
+        return (
+            functools.reduce(jnp.maximum, seen, largest),
+            jnp.where(start.time > before.time, later, alone),
+            jnp.where(end.seen <= start.seen, later, NOTHING_YET),
+        )
 
     @override
     def of_kept(self, kept: tuple[Scalar, ...], span: Scalar | float) -> Scalar:
-        return kept[0]
+        largest, _, last = kept
+        return jnp.maximum(largest, last)
 
     @override
     def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
@@ -209,7 +221,7 @@ class Least(AbstractFollowed):
 
     @override
     def of_kept(self, kept: tuple[Scalar, ...], span: Scalar | float) -> Scalar:
-        return -kept[0]
+        return -LARGEST.of_kept(kept, span)
 
     @override
     def of_samples(self, samples: Float[Array, " n"]) -> Scalar:
@@ -317,19 +329,26 @@ class Statistic:
     reduction: AbstractMean | AbstractFollowed | Sampled
 
 
-def summit(before: Instant, start: Instant, end: Instant) -> Scalar:
-    """Return the top of the parabola through three values, if the middle one is the largest.
+def summits(before: Instant, start: Instant, end: Instant) -> tuple[Scalar, Scalar]:
+    """Return the top of the parabola through three values, of the first step and of the second.
 
-    Otherwise, and where `before` is `start`, that is the middle value.
+    That is `NOTHING_YET` for a step without the top inside, and where `before` is `start`.
     """
     first, second = start.time - before.time, end.time - start.time
-    ended = first > 0
-    rise = (start.seen - before.seen) / jnp.where(ended, first, 1.0)
-    fall = (end.seen - start.seen) / jnp.where(second > 0, second, 1.0)
-    is_top = ended & (rise >= 0) & (fall <= 0) & (rise > fall)
-    curvature = jnp.where(is_top, (rise - fall) / (first + second), 1.0)
-    slope = (rise * second + fall * first) / jnp.where(is_top, first + second, 1.0)
-    return start.seen + jnp.where(is_top, slope**2 / (4 * curvature), 0.0)
+    both = (first > 0) & (second > 0)
+    rise = (start.seen - before.seen) / jnp.where(both, first, 1.0)
+    fall = (end.seen - start.seen) / jnp.where(both, second, 1.0)
+    span = jnp.where(both, first + second, 1.0)
+    # At `start`: the slope, which falls by twice the curvature.
+    slope, curvature = (rise * second + fall * first) / span, (rise - fall) / span
+    concave = both & (curvature > 0)
+    inside = (
+        concave & (slope <= 0) & (slope >= -2 * curvature * first),
+        concave & (slope > 0) & (slope <= 2 * curvature * second),
+    )
+    highest = start.seen + slope**2 / (4 * jnp.where(inside[0] | inside[1], curvature, 1.0))
+    earlier, later = (jnp.where(one, highest, NOTHING_YET) for one in inside)
+    return earlier, later
 
 
 def top(samples: Float[Array, " n"]) -> Scalar:

@@ -207,7 +207,7 @@ def statistics(
       steps counted per turn.
 
     **Returns:** a `Statistics`. RMS and means are integrated with the motion; peaks, shares of the
-    time and counts are followed from step to step of the integrator. A peak is the top of the
+    time and counts are followed from step to step of the integrator. A peak is the top of a
     parabola through the ends of three steps. `Sampled` ones are seen at 1024 instants a turn.
 
     Raises ValueError for counts that are not whole numbers in range, outputs that the scene does

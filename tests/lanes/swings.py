@@ -15,7 +15,7 @@ from jaxcrusher.basics.integrate import (
     integrate,
     pi_controller,
 )
-from jaxcrusher.mechanism.reductions import summit
+from jaxcrusher.mechanism.reductions import LARGEST
 
 SEGMENTS, INSTANTS = 3, 20
 TIMES = jnp.arange(float(SEGMENTS))[:, None] + jnp.arange(1, INSTANTS + 1)[None] / INSTANTS
@@ -50,7 +50,7 @@ def _summarise(seen, end, kept):
         "last": seen["both"][-1],
         "mean": jnp.mean(seen["place"]),
         "most": end.totals["work"],
-        "kept": kept,
+        "kept": (LARGEST.of_kept(kept[:-1], 1.0), kept[-1]),
     }
 
 
@@ -60,12 +60,17 @@ def _watch(time, y, swing):
 
 def _follow(kept, before, start, end):
     """Return the top of the power, and a sum that begins with a number."""
-    power = summit(*(Instant(at.time, at.seen["power"]) for at in (before, start, end)))
+    *most, total = kept
+    powers = (Instant(at.time, at.seen["power"]) for at in (before, start, end))
     step = 0.5 * (end.time - start.time) * (start.seen["place"] + end.seen["place"])
-    return jnp.maximum(kept[0], power), kept[1] + step
+    return *LARGEST.follow(tuple(most), *powers), total + step
 
 
-FOLLOWING = Following(lambda swing: (-1e9, 0.5), _watch, _follow)
+def _begin(swing):
+    return *LARGEST.begin(), 0.5
+
+
+FOLLOWING = Following(_begin, _watch, _follow)
 # What parabolas and trapezia leave of the steps, which rounding moves: one in some hundred fails.
 OF_STEPS = 1e-4
 PROBLEM = InitialValueProblem(_initial, field_of, _observe, _summarise, FOLLOWING)

@@ -48,6 +48,16 @@ def test_the_top_of_a_parabola_is_found_between_uneven_steps():
         assert followed(LEAST, times, -values) == pytest.approx(-3, rel=1e-12)
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_no_top_rises_above_a_corner(sign):
+    """A load that ends at once, or begins so: a parabola through long and short steps rises 0.2."""
+    times = np.array([0.0, 1, 2, 2.02, 2.04, 2.06, 3])
+    load = 1 + 0.1 * times - 50 * np.maximum(times - 2, 0)
+    times, load = (times, load) if sign > 0 else (-times[::-1], load[::-1])
+    assert followed(LARGEST, times, load) == pytest.approx(1.2, rel=1e-12)
+    assert followed(LEAST, times, -load) == pytest.approx(-1.2, rel=1e-12)
+
+
 @pytest.mark.parametrize("values", [[5.0, 2, 1], [1.0, 2, 5], [2.0, 2, 2], [-3.0, -2, -1]])
 def test_an_end_may_be_the_largest(values):
     """Where no step comes before or after there is no parabola, nor on level ground."""
