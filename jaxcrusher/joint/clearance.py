@@ -6,6 +6,7 @@ between their centres.
 
 import abc
 import dataclasses
+import functools
 from typing import Self
 
 import equinox as eqx
@@ -43,6 +44,15 @@ class Contact(Record):
     bearing_moment: Scalar | None = None  # on the bearing about its centre, N m
     journal_moment: Scalar | None = None  # on the journal about its centre, N m
     corners: "tuple[Contact, ...]" = ()  # of which it is the sum, if it is one
+
+    @property
+    def approach(self) -> Scalar:
+        """Return the speed of the place that approaches fastest, m/s: a corner if it has any.
+
+        The deepest corner changes in an instant, and its rate with it; this one does not jump.
+        """
+        rates = (one.penetration_rate for one in self.corners or (self,))
+        return functools.reduce(jnp.maximum, rates)
 
 
 class Memory(Record):

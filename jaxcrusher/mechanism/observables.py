@@ -186,6 +186,12 @@ def _penetration_rate(s: Snapshot, scene: Scene, joint: str) -> Scalar:
     return jnp.zeros_like(s.motion.crank.speed) if contact is None else contact.penetration_rate
 
 
+def approach(s: Snapshot, scene: Scene, joint: str) -> Scalar:
+    """Return the fastest approach of pin and bore, of a slider that of its corners, m/s."""
+    contact = s.contacts[joint]
+    return jnp.zeros_like(s.motion.crank.speed) if contact is None else contact.approach
+
+
 def constraint_residual(s: Snapshot, scene: Scene) -> Scalar:
     """Return the largest gap of the joints that are held together, m or rad."""
     found = s.accelerations.residual

@@ -23,6 +23,7 @@ from jaxcrusher.mechanism import observables as seen
 from jaxcrusher.mechanism.observables import (
     PIN,
     acceleration_width,
+    approach,
     crank_speed,
     drive_power,
     drive_torque,
@@ -147,7 +148,7 @@ _CONTACT = ShareAboveZero()
 def _always_at(joint: str, part: Title, table: Observables) -> Statistics:
     """Return the statistics of a joint that are computed without being asked for."""
     prefix, winding = part.prefix, OfPart(_winding, joint)
-    depth, rate = table[f"{prefix}penetration_ratio"], table[f"{prefix}penetration_rate"]
+    depth, rate = table[f"{prefix}penetration_ratio"], OfPart(approach, joint)
     return {
         prefix + name: Statistic(unit, f"{meaning}, at {part.title}", quantity, reduction)
         for name, unit, meaning, quantity, reduction in (
