@@ -7,7 +7,6 @@ between their centres.
 import abc
 import dataclasses
 import functools
-from typing import Self
 
 import equinox as eqx
 import jax
@@ -100,7 +99,7 @@ class AbstractGap(Printed):
         found = Memory(self.normal.impact_velocity.initial(), friction)
         return found if jax.tree.leaves(found) else None
 
-    def holding(self, velocities: Float[ArrayLike, "*touches"]) -> Self:
+    def holding(self, velocities: Float[ArrayLike, "*touches"]) -> "AbstractGap":
         """Return the gap with a constant impact velocity (m/s), or with one of each touch."""
         law = ConstantImpactVelocity(jnp.asarray(velocities, float))
         return eqx.tree_at(lambda gap: gap.normal.impact_velocity, self, law)
