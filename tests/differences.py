@@ -1,6 +1,7 @@
 """Slopes by central differences, and slopes of JAX beside them."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 # By the order of the error: weights of the differences over two steps, over four, and so on.
@@ -19,7 +20,9 @@ def differences(function, at, step, order=2):
         shift, slope = np.zeros(at.shape), 0.0
         shift[i] = steps[i]
         for count, weight in enumerate(WEIGHTS[order], 1):
-            ahead, behind = (np.asarray(function(at + k * shift)) for k in (count, -count))
+            # Arrays of JAX, as the package's own callers have.
+            points = (jnp.asarray(at + k * shift) for k in (count, -count))
+            ahead, behind = (np.asarray(function(point)) for point in points)
             slope = slope + weight * (ahead - behind) / steps[i]
         slopes.append(slope)
     return np.stack(slopes, axis=-1).reshape(np.shape(slopes[0]) + at.shape)
