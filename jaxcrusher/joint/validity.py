@@ -157,9 +157,10 @@ class Validity(Printed):
 
     @property
     def inside(self) -> Bool[Array, "*batch"]:
-        """Fitting, Hertzian and elastic at each joint; restitution matters only with impacts.
+        """Fitting, Hertzian and elastic at each joint.
 
-        A motion with `missing` statistics is not known to be inside.
+        The restitution is told beside impacts that are too fast, and is not judged by itself. A
+        motion with `missing` statistics is not known to be inside.
         """
         own = self.fitting & self.hertzian & self.elastic & (not self.missing)
         return functools.reduce(operator.and_, [part.inside for part in self.others.values()], own)

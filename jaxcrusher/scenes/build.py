@@ -87,7 +87,7 @@ LINKS = (
     "bearing.inclination",
 )
 
-# Steps of the secant from a stroke to an eccentricity, and the share that it may be off.
+# Scalings that lead from a stroke to its eccentricity, and the share that it may be off.
 STEPS, STROKE_ERROR = 8, 1e-9
 # Widths of the contact's corner and of |e| (m), and what narrows them where the contact is stiffer
 # or the clearance smaller than in the paper's box: the penetration under this force (N), so that
@@ -215,8 +215,9 @@ def build_chamber(values: Mapping[str, Any]) -> CrushingChamber:
 def by_stroke(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return a description whose stroke, if it has one, has become its shaft's eccentricity.
 
-    The stroke is nearly proportional to the eccentricity, so that a secant finds it. Raises
-    ValueError where the description has both, or links that do not reach the stroke.
+    The stroke is nearly proportional to the eccentricity, which is scaled by the ratio of the
+    wanted stroke to its own until that is one. Raises ValueError where the description has both, or
+    links that do not reach the stroke.
     """
     described = dict(values)
     wanted = described.pop("stroke", None)
