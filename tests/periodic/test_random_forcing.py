@@ -78,7 +78,9 @@ def test_slopes(bandwidth, damping):
     # d/db of the integral over b.
     assert float(found[2]) == pytest.approx((edge - whole) / bandwidth, rel=1e-5)
     by_both = differences(
-        lambda both: expected(*both, bandwidth, lambda _: 1.0), at[:2], 1e-4 * np.array(at[:2])
+        lambda both: expected(*both.tolist(), bandwidth, lambda _: 1.0),
+        at[:2],
+        1e-4 * np.array(at[:2]),
     )
     # Central differences over 1e-4: a hundredth of the resonance's width, squared.
     np.testing.assert_allclose(found[:2], by_both, rtol=1e-3)
