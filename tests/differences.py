@@ -14,15 +14,13 @@ def differences(function, at, step, order=2):
     `at` is a number or a row, and `step` is one for all numbers or one for each. The error falls
     with the step's power of `order`, 2 or 4.
     """
-    at = np.asarray(at, dtype=float)
+    at = jnp.asarray(at, dtype=float)  # the function gets arrays of JAX
     steps, slopes = np.broadcast_to(step, at.shape), []
     for i in np.ndindex(at.shape):
         shift, slope = np.zeros(at.shape), 0.0
         shift[i] = steps[i]
         for count, weight in enumerate(WEIGHTS[order], 1):
-            # Arrays of JAX, as the package's own callers have.
-            points = (jnp.asarray(at + k * shift) for k in (count, -count))
-            ahead, behind = (np.asarray(function(point)) for point in points)
+            ahead, behind = (np.asarray(function(at + k * shift)) for k in (count, -count))
             slope = slope + weight * (ahead - behind) / steps[i]
         slopes.append(slope)
     return np.stack(slopes, axis=-1).reshape(np.shape(slopes[0]) + at.shape)

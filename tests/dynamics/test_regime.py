@@ -61,7 +61,7 @@ def test_few_points_have_no_zero_one_test(growth, name):
 
 
 def test_whirl_and_failure_are_named():
-    # At 0.06 mm rounding may decide: of eight clearances that differ by 1e-12 five whirl.
+    # At 0.06 mm rounding may decide: see docs/attacks.md on the README's example.
     scene = jc.paper_scene(30.0, 0.12e-3, slip="surface")
     found = jc.regime(scene, 10, 20, rtol=1e-8)
     assert found.name == "whirl" and "round its bore" in str(found)
